@@ -1,0 +1,77 @@
+# One function each to add a library part, a program and a test program.
+include(CheckCXXCompilerFlag)
+find_program(EDITNERF_CCACHE ccache)
+if(EDITNERF_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  # pch_defines,time_macros: what ccache needs to reuse objects built with a precompiled header.
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env
+      CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${EDITNERF_CCACHE})
+endif()
+
+function(editnerf_set_common target)
+  target_compile_options(${target} PRIVATE -Wall -Wextra)
+  if(EDITNERF_WARNINGS_AS_ERRORS)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
+  if(EDITNERF_SANITIZE)
+    target_compile_options(${target} PUBLIC -fsanitize=${EDITNERF_SANITIZE} -fno-omit-frame-pointer)
+    target_link_options(${target} PUBLIC -fsanitize=${EDITNERF_SANITIZE})
+  endif()
+endfunction()
+
+# Precompiled headers pay with Clang alone: a file that uses LibTorch takes 1.5 s with one and 10 s without. GCC's save a
+# third of the time and cost 600 MB for each target.
+function(editnerf_precompile target)
+  if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+    target_precompile_headers(${target} PRIVATE ${ARGN})
+  endif()
+endfunction()
+
+# editnerf_add_library(NAME FLOORS base config ... [PUBLIC libs] [PRIVATE libs])
+# All sources of the named folders below libeditnerf/, compiled with one precompiled header.
+function(editnerf_add_library name)
+  cmake_parse_arguments(ARG "" "" "FLOORS;PUBLIC;PRIVATE" ${ARGN})
+  set(sources)
+  foreach(floor IN LISTS ARG_FLOORS)
+    file(GLOB_RECURSE floor_sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${floor}/*.cpp)
+    list(APPEND sources ${floor_sources})
+  endforeach()
+  add_library(${name} STATIC ${sources})
+  add_library(editnerf::${name} ALIAS ${name})
+  set_target_properties(${name} PROPERTIES OUTPUT_NAME editnerf_${name})
+  target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:include>)
+  target_compile_features(${name} PUBLIC cxx_std_17)
+  target_link_libraries(${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
+  editnerf_precompile(${name} <torch/torch.h>)
+  editnerf_set_common(${name})
+endfunction()
+
+# editnerf_add_app(enf-train): apps/enf_train.cpp becomes the program enf-train.
+function(editnerf_add_app name)
+  string(REPLACE "-" "_" source ${name})
+  add_executable(${name} ${source}.cpp)
+  target_link_libraries(${name} PRIVATE app_support)
+  if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+    target_precompile_headers(${name} REUSE_FROM app_support)
+  endif()
+  editnerf_set_common(${name})
+  install(TARGETS ${name} RUNTIME)
+endfunction()
+
+# editnerf_add_tests(NAME FLOORS base ... LINK editnerf::core): tests/FLOOR/*_test.cpp, registered with ctest.
+function(editnerf_add_tests name)
+  cmake_parse_arguments(ARG "" "" "FLOORS;LINK" ${ARGN})
+  set(sources)
+  foreach(floor IN LISTS ARG_FLOORS)
+    file(GLOB floor_sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${floor}/*.cpp)
+    list(APPEND sources ${floor_sources})
+  endforeach()
+  add_executable(${name} main.cpp ${sources})
+  target_link_libraries(${name} PRIVATE ${ARG_LINK} editnerf_catch2)
+  editnerf_precompile(${name} <torch/torch.h> ${CMAKE_CURRENT_SOURCE_DIR}/catch.h)
+  set_source_files_properties(main.cpp PROPERTIES SKIP_PRECOMPILE_HEADERS ON)
+  target_compile_definitions(${name} PRIVATE
+    EDITNERF_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    EDITNERF_BINARY_DIR="${PROJECT_BINARY_DIR}")
+  editnerf_set_common(${name})
+  catch_discover_tests(${name} PROPERTIES LABELS ${name} TIMEOUT 900)
+endfunction()

@@ -1,0 +1,50 @@
+// The field of one stage: warp, ambient coordinates and hyperspace network put together.
+//
+//   pretraining (HyperNeRF):   x' = T(x, beta_t),  a = S(x, beta_t),        (c, sigma) = H(x' (+) a, d, alpha_t)
+//   training (EditableNeRF):   x' = T(x, beta_t),  p = sum_i w^i(x') k_t^i,  (c, sigma) = H(x' (+) p, d, alpha_t)
+//
+// EditableNeRF (Zheng et al., CVPR 2023), eq. (1) to (4). H is either the paper's pair of networks (coarse and fine) or
+// the fast field over two hash encodings; the rest is shared. What the configuration leaves out is not built.
+#pragma once
+
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
+
+#include <memory>
+#include <vector>
+
+#include "libeditnerf/config/field_config.h"
+
+namespace editnerf {
+
+// The states of F frames (or edits) that the samples of a batch refer to. Tensors that a field has no use for are
+// undefined.
+struct FrameStates {
+  torch::Tensor warp_code;        // [F, Dw]
+  torch::Tensor appearance_code;  // [F, Da]
+  torch::Tensor key_points;       // [F, N, 3], scene units
+
+  // (1 - weight) * a + weight * b, row by row.
+  static FrameStates Interpolate(const FrameStates& a, const FrameStates& b, double weight);
+};
+
+struct FieldInput {
+  torch::Tensor x_observed;  // [S, 3], scene units
+  torch::Tensor direction;   // [S, 3], unit length; may be undefined for Density
+  torch::Tensor state;       // [S] int64, row of FrameStates
+};
+
+struct FieldOutput {
+  torch::Tensor density;      // [S], per scene unit, >= 0
+  torch::Tensor radiance;     // [S, 3], in [0, 1]; undefined from Density
+  torch::Tensor x_canonical;  // [S, 3], scene units
+  torch::Tensor ambient;      // [S, A]: a in pretraining, p in local coordinates in training
+  torch::Tensor anchor;       // [S, 3]: p in scene units; undefined in pretraining
+  torch::Tensor weights;      // [S, N]; undefined in pretraining and for N = 1
+};
+
+enum class Level { kCoarse, kFine };
+enum class FieldStage { kPretrain, kTrain };
+
+}  // namespace editnerf
