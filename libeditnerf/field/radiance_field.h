@@ -8,11 +8,7 @@
 #pragma once
 
 #include <torch/nn/module.h>
-#include <torch/nn/pimpl.h>
 #include <torch/types.h>
-
-#include <memory>
-#include <vector>
 
 #include "libeditnerf/config/field_config.h"
 
@@ -46,5 +42,24 @@ struct FieldOutput {
 
 enum class Level { kCoarse, kFine };
 enum class FieldStage { kPretrain, kTrain };
+
+// What renderers and trainers ask of a field, whatever it is made of.
+class RadianceField : public torch::nn::Module {
+ public:
+  // Coarse-to-fine windows are functions of the optimisation step.
+  virtual void SetStep(int64_t step) = 0;
+
+  // Whether Level::kCoarse is a network of its own (the paper's pair); otherwise both levels are the same.
+  virtual bool has_coarse_level() const = 0;
+
+  // Differentiable rows of the per-frame tables; `time` [F] int64 indexes the training frames in time order.
+  virtual FrameStates States(const torch::Tensor& time) = 0;
+
+  // Throws ShapeError unless the shapes are those of FieldInput and FrameStates.
+  virtual FieldOutput Evaluate(const FieldInput& input, const FrameStates& states, Level level) = 0;
+
+  // The same without radiance: cheaper, and `input.direction` is not read.
+  virtual FieldOutput EvaluateDensity(const FieldInput& input, const FrameStates& states, Level level) = 0;
+};
 
 }  // namespace editnerf
