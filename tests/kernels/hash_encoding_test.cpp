@@ -1,0 +1,84 @@
+#include "libeditnerf/kernels/hash_encoding.h"
+
+#include <torch/torch.h>
+
+#include <cmath>
+#include <limits>
+
+#include "libeditnerf/base/error.h"
+#include "tests/catch.h"
+
+using namespace editnerf;
+
+namespace {
+
+const std::vector<int64_t> kResolutions = HashResolutions(5, 4, 200);  // dense and hashed levels
+
+torch::Tensor Table(torch::Dtype dtype, int64_t features = 2) {
+  torch::manual_seed(3);
+  return torch::randn({5, 1 << 10, features}, dtype);
+}
+
+}  // namespace
+
+TEST_CASE("hash resolutions grow geometrically between both ends") {
+  CHECK(HashResolutions(3, 4, 64) == std::vector<int64_t>{4, 16, 64});
+  CHECK(HashResolutions(1, 4, 64) == std::vector<int64_t>{4});
+}
+
+TEST_CASE("hash encoding agrees with its reference in value and gradient for odd sizes") {
+  for (const int64_t features : {1, 2, 4, 8}) {
+    for (const int64_t count : {0, 1, 7, 63, 65, 600}) {
+      auto table = Table(torch::kFloat64, features).requires_grad_();
+      auto x = (torch::rand({count, 3}, torch::kFloat64) * 1.2 - 0.1).requires_grad_();
+      const auto upstream = torch::randn({count, 5 * features}, torch::kFloat64);
+      const auto fast = HashEncode(x, table, kResolutions), plain = HashEncodeReference(x, table, kResolutions);
+      REQUIRE(fast.sizes() == plain.sizes());
+      CHECK(torch::allclose(fast, plain, 1e-12, 1e-12));
+      const auto fast_grads = torch::autograd::grad({(fast * upstream).sum()}, {x, table});
+      const auto plain_grads = torch::autograd::grad({(plain * upstream).sum()}, {x, table});
+      CHECK(torch::allclose(fast_grads[0], plain_grads[0], 1e-10, 1e-10));
+      CHECK(torch::allclose(fast_grads[1], plain_grads[1], 1e-10, 1e-10));
+    }
+  }
+}
+
+TEST_CASE("hash encoding has the gradient that central differences find") {
+  const auto table = Table(torch::kFloat64);
+  auto x = (0.1 + 0.8 * torch::rand({20, 3}, torch::kFloat64)).requires_grad_();
+  const auto upstream = torch::randn({20, 10}, torch::kFloat64);
+  const auto grad = torch::autograd::grad({(HashEncode(x, table, kResolutions) * upstream).sum()}, {x})[0];
+  const auto direction = torch::randn_like(x);
+  const double step = 1e-7;
+  const auto value = [&](double s) {
+    return (HashEncode(x.detach() + s * direction, table, kResolutions) * upstream).sum().item<double>();
+  };
+  const double expected = (value(step) - value(-step)) / (2 * step);
+  CHECK((grad * direction).sum().item<double>() == Approx(expected).epsilon(1e-5));
+}
+
+TEST_CASE("hash encoding is continuous across cells and clamps outside the cube") {
+  const auto table = Table(torch::kFloat64);
+  const auto at = [&](double u) { return HashEncode(torch::full({1, 3}, u, torch::kFloat64), table, kResolutions); };
+  CHECK(torch::allclose(at(0.25 - 1e-12), at(0.25 + 1e-12), 0, 1e-8));
+  CHECK(torch::equal(at(1.0), at(7.5)));
+  CHECK(torch::equal(at(0.0), at(-1e30)));
+  CHECK(torch::equal(at(0.0), at(std::numeric_limits<double>::quiet_NaN())));
+  CHECK(at(std::numeric_limits<double>::infinity()).isfinite().all().item<bool>());
+}
+
+TEST_CASE("hash encoding in single precision stays near double precision") {
+  const auto x = torch::rand({500, 3}, torch::kFloat64);
+  const auto wide = HashEncode(x, Table(torch::kFloat64), kResolutions);
+  const auto narrow = HashEncode(x.to(torch::kFloat32), Table(torch::kFloat64).to(torch::kFloat32), kResolutions);
+  CHECK((wide - narrow.to(torch::kFloat64)).abs().max().item<double>() < 1e-3);
+}
+
+TEST_CASE("hash encoding refuses wrong shapes by name") {
+  const auto table = Table(torch::kFloat32);
+  CHECK_THROWS_WITH(HashEncode(torch::zeros({4, 2}), table, kResolutions),
+                    "hash encoding x: expected shape [*, 3], found [4, 2]");
+  CHECK_THROWS_WITH(HashEncode(torch::zeros({4, 3}), torch::zeros({5, 12, 2}), kResolutions),
+                    "hash encoding table: expected a power of two of entries, found 12");
+  CHECK_THROWS_AS(HashEncode(torch::zeros({4, 3}, torch::kFloat64), table, kResolutions), ShapeError);
+}
