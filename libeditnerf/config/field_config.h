@@ -116,6 +116,8 @@ struct HashEncodingConfig {
 struct FastFieldConfig {
   HashEncodingConfig canonical_hash;  // over x'
   HashEncodingConfig local_hash;      // over x' - p
+  double local_extent = 0.5;          // side of the cube around p that local_hash covers, of the scene's longest side
+  int64_t ambient_octaves = 2;        // of the ambient coordinates fed to the density network, beside the identity
   int64_t density_depth = 1;          // hidden layers
   int64_t color_depth = 2;
   int64_t width = 64;
@@ -126,6 +128,10 @@ struct FastFieldConfig {
   void Visit(Visitor& v) {
     v("canonical_hash", canonical_hash, "hash encoding over x'");
     v("local_hash", local_hash, "hash encoding over x' - p; pretraining does not build it");
+    v("local_extent", local_extent, "side of the cube around p that local_hash covers, as a share of the scene's longest side",
+      Between(0.01, 2));
+    v("ambient_octaves", ambient_octaves, "octaves of the ambient coordinates fed to the density network, beside the identity",
+      Between(0, 10));
     v("density_depth", density_depth, "hidden layers of the density network", Between(1, 8));
     v("color_depth", color_depth, "hidden layers of the colour network", Between(1, 8));
     v("width", width, "neurons per hidden layer", Between(8, 1024));

@@ -1,0 +1,91 @@
+#include "libeditnerf/field/fast_hyperspace.h"
+
+#include <cmath>
+
+#include "libeditnerf/base/shape.h"
+#include "libeditnerf/field/spherical_harmonics.h"
+#include "libeditnerf/field/truncated_exp.h"
+#include "libeditnerf/kernels/hash_encoding.h"
+
+namespace editnerf {
+namespace {
+
+constexpr double kTableInit = 1e-4;
+// Over this share of its cube's half side, the local encoding fades to zero, so that nothing jumps at the border.
+constexpr double kFade = 0.125;
+
+torch::Tensor MakeTable(const HashEncodingConfig& config) {
+  return torch::empty({config.num_levels, int64_t{1} << config.log2_table_size, config.features_per_level})
+      .uniform_(-kTableInit, kTableInit);
+}
+
+std::vector<int64_t> Resolutions(const HashEncodingConfig& config) {
+  return HashResolutions(config.num_levels, config.base_resolution, config.finest_resolution);
+}
+
+int64_t Width(const HashEncodingConfig& config) { return config.num_levels * config.features_per_level; }
+
+}  // namespace
+
+FastHyperspace::FastHyperspace(const FastHyperspaceOptions& options)
+    : options_(options), ambient_encoding_(options.ambient_dim, options.config.ambient_octaves, true) {
+  const FastFieldConfig& config = options_.config;
+  canonical_resolutions_ = Resolutions(config.canonical_hash);
+  canonical_table_ = register_parameter("canonical_table", MakeTable(config.canonical_hash));
+  int64_t features = Width(config.canonical_hash) + ambient_encoding_.output_dim();
+  if (options_.anchored) {
+    local_resolutions_ = Resolutions(config.local_hash);
+    local_table_ = register_parameter("local_table", MakeTable(config.local_hash));
+    features += Width(config.local_hash);
+  }
+  const Box& box = options_.box;
+  box_low_ = register_buffer("box_low", torch::tensor({box.low.x, box.low.y, box.low.z}, torch::kFloat32));
+  MlpOptions density;
+  density.in_dim = features;
+  density.depth = config.density_depth;
+  density.width = config.width;
+  density.out_dim = 1 + config.geometry_features;
+  density_network_ = register_module("density_network", Mlp(density));
+  MlpOptions color;
+  color.in_dim = config.geometry_features + (options_.use_direction ? kNumSphericalHarmonics : 0) + options_.appearance_dim;
+  color.depth = config.color_depth;
+  color.width = config.width;
+  color.out_dim = 3;
+  color_network_ = register_module("color_network", Mlp(color));
+}
+
+torch::Tensor FastHyperspace::DensityFeatures(const HyperspaceInput& input) {
+  CheckShape(input.x_canonical, {kAny, 3}, "fast field x_canonical");
+  CheckShape(input.ambient, {input.x_canonical.size(0), options_.ambient_dim}, "fast field ambient");
+  const double side = options_.box.LongestSide();
+  std::vector<torch::Tensor> features = {
+      HashEncode((input.x_canonical - box_low_) / side, canonical_table_, canonical_resolutions_)};
+  if (options_.anchored) {
+    CheckShape(input.anchor, {input.x_canonical.size(0), 3}, "fast field anchor");
+    const torch::Tensor local = (input.x_canonical - input.anchor) / (side * options_.config.local_extent);  // in [-0.5, 0.5]
+    const torch::Tensor margin = 1 - 2 * std::get<0>(local.detach().abs().max(1, true));
+    features.push_back(HashEncode(local + 0.5, local_table_, local_resolutions_) * (margin / kFade).clamp(0, 1));
+  }
+  features.push_back(ambient_encoding_.forward(input.ambient));
+  return density_network_->forward(torch::cat(features, 1));
+}
+
+torch::Tensor FastHyperspace::Density(const HyperspaceInput& input) {
+  return TruncatedExp(DensityFeatures(input).select(1, 0) + options_.config.density_bias);
+}
+
+HyperspaceOutput FastHyperspace::Evaluate(const HyperspaceInput& input) {
+  const torch::Tensor out = DensityFeatures(input);
+  std::vector<torch::Tensor> features = {out.slice(1, 1)};
+  if (options_.use_direction) features.push_back(SphericalHarmonics(input.direction));
+  if (options_.appearance_dim > 0) {
+    CheckShape(input.appearance, {out.size(0), options_.appearance_dim}, "fast field appearance");
+    features.push_back(input.appearance);
+  }
+  HyperspaceOutput result;
+  result.density = TruncatedExp(out.select(1, 0) + options_.config.density_bias);
+  result.radiance = color_network_->forward(torch::cat(features, 1)).sigmoid();
+  return result;
+}
+
+}  // namespace editnerf

@@ -1,0 +1,50 @@
+// The fast field's network over hyperspace: two hash encodings and two small networks.
+//
+//   f = [ hash(x'), hash(x' - p), gamma(ambient) ]      (x', p) and (x', x' - p) span the same six dimensions, and in
+//   (sigma, g) = density network (f)                    x' - p a part that translates with its key point stands still
+//   c = colour network (g, harmonics(d), alpha_t)
+//
+// Takes the place of H in EditableNeRF, eq. (4). Without an anchor (pretraining) there is no second hash encoding.
+#pragma once
+
+#include <torch/types.h>
+
+#include <vector>
+
+#include "libeditnerf/config/field_config.h"
+#include "libeditnerf/field/hyperspace_network.h"
+#include "libeditnerf/field/mlp.h"
+#include "libeditnerf/field/positional_encoding.h"
+#include "libeditnerf/geometry/box.h"
+
+namespace editnerf {
+
+struct FastHyperspaceOptions {
+  FastFieldConfig config;
+  Box box;                         // of the scene, scene units
+  int64_t ambient_dim = 0;         // >= 1
+  bool anchored = false;           // whether HyperspaceInput::anchor is given
+  bool use_direction = true;
+  int64_t appearance_dim = 0;      // 0: the colour does not depend on the frame
+};
+
+class FastHyperspace : public HyperspaceNetwork {
+ public:
+  explicit FastHyperspace(const FastHyperspaceOptions& options);
+
+  HyperspaceOutput Evaluate(const HyperspaceInput& input) override;
+  torch::Tensor Density(const HyperspaceInput& input) override;
+  void SetStep(int64_t) override {}  // no windows
+
+ private:
+  torch::Tensor DensityFeatures(const HyperspaceInput& input);  // [S, 1 + geometry_features]
+
+  FastHyperspaceOptions options_;
+  PositionalEncoding ambient_encoding_;
+  std::vector<int64_t> canonical_resolutions_, local_resolutions_;
+  torch::Tensor canonical_table_, local_table_;  // [L, T, F]
+  torch::Tensor box_low_;                        // [3] buffer
+  Mlp density_network_{nullptr}, color_network_{nullptr};
+};
+
+}  // namespace editnerf

@@ -1,0 +1,59 @@
+// The field of one stage, put together from its parts (radiance_field.h has the formulas).
+#pragma once
+
+#include <torch/types.h>
+
+#include <memory>
+
+#include "libeditnerf/config/field_config.h"
+#include "libeditnerf/field/frame_codes.h"
+#include "libeditnerf/field/hyperspace_network.h"
+#include "libeditnerf/field/key_points.h"
+#include "libeditnerf/field/radiance_field.h"
+#include "libeditnerf/field/slicing_network.h"
+#include "libeditnerf/field/warp_field.h"
+#include "libeditnerf/field/weight_network.h"
+#include "libeditnerf/geometry/box.h"
+
+namespace editnerf {
+
+struct HyperspaceFieldOptions {
+  FieldConfig config;
+  FieldStage stage = FieldStage::kTrain;
+  int64_t num_frames = 0;       // T training frames
+  Box box;                      // of the scene, scene units
+  torch::Tensor initial_tracks; // [T, N, 3] key points, scene units; training only, N >= 1
+};
+
+class HyperspaceField : public RadianceField {
+ public:
+  // Throws ConfigError or ShapeError for options that do not fit together.
+  explicit HyperspaceField(const HyperspaceFieldOptions& options);
+
+  void SetStep(int64_t step) override;
+  bool has_coarse_level() const override { return coarse_ != nullptr; }
+  FrameStates States(const torch::Tensor& time) override;
+  FieldOutput Evaluate(const FieldInput& input, const FrameStates& states, Level level) override;
+  FieldOutput EvaluateDensity(const FieldInput& input, const FrameStates& states, Level level) override;
+
+  const HyperspaceFieldOptions& options() const { return options_; }
+  int64_t num_key_points() const;               // 0 in pretraining
+  KeyPointTable key_points() { return key_points_; }  // empty in pretraining
+
+  // Whether key points alone decide where x' - p is: one key point and no warp field.
+  bool has_rigid_anchor() const;
+
+ private:
+  HyperspaceInput ToHyperspace(const FieldInput& input, const FrameStates& states, FieldOutput* output);
+
+  HyperspaceFieldOptions options_;
+  double warp_window_ = 0;
+  WarpField warp_{nullptr};
+  FrameCodes warp_codes_{nullptr}, appearance_codes_{nullptr};
+  SlicingNetwork slicing_{nullptr};
+  KeyPointTable key_points_{nullptr};
+  WeightNetwork weights_{nullptr};
+  std::shared_ptr<HyperspaceNetwork> coarse_, fine_;
+};
+
+}  // namespace editnerf

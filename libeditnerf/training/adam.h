@@ -1,0 +1,56 @@
+// Adam (Kingma and Ba, ICLR 2015) over named parameters, with bias correction.
+//
+// Beside LibTorch's own: state that is saved by name, one fused pass per parameter on the CPU, and tables whose untouched
+// entries (gradient exactly 0) are left alone, moments included, as is usual for hash encodings.
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace editnerf {
+
+struct AdamGroup {
+  std::vector<std::pair<std::string, torch::Tensor>> parameters;  // unique names across groups
+  double learning_rate_factor = 1;  // multiplies the learning rate of each step
+  bool skip_untouched = false;      // leave entries with zero gradient alone
+};
+
+struct AdamOptions {
+  double beta1 = 0.9, beta2 = 0.99;
+  double epsilon = 1e-15;
+};
+
+class Adam {
+ public:
+  Adam(std::vector<AdamGroup> groups, const AdamOptions& options);
+
+  // Applies the gradients of all parameters that have one.
+  void Step(double learning_rate);
+  void ZeroGrad();
+
+  // Every gradient, for guards; undefined ones are left out.
+  std::vector<torch::Tensor> Gradients() const;
+
+  // Moments and step count under "first.NAME", "second.NAME" and "steps". Load throws CheckpointError naming what is
+  // missing or has another shape.
+  std::map<std::string, torch::Tensor> State() const;
+  void LoadState(const std::map<std::string, torch::Tensor>& state);
+
+ private:
+  struct Slot {
+    std::string name;
+    torch::Tensor parameter, first, second;
+    double factor;
+    bool skip_untouched;
+  };
+
+  std::vector<Slot> slots_;
+  AdamOptions options_;
+  int64_t steps_ = 0;
+};
+
+}  // namespace editnerf

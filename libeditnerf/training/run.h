@@ -1,0 +1,60 @@
+// A run: one stage's field with all that rendering it takes, and its folder on disk.
+//
+//   RUN/checkpoint.safetensors   weights, occupancy, optimiser state, counters; configuration and cameras in the metadata
+//   RUN/config.yaml              the effective configuration
+//   RUN/metrics.csv              error against run time
+//
+// A checkpoint needs no scene folder: cameras, splits and units travel with it, images do not.
+#pragma once
+
+#include <torch/types.h>
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "libeditnerf/config/config.h"
+#include "libeditnerf/field/hyperspace_field.h"
+#include "libeditnerf/render/ray_renderer.h"
+#include "libeditnerf/scene/scene.h"
+
+namespace editnerf {
+
+// What has been spent so far.
+struct RunCounters {
+  int64_t step = 0;
+  int64_t rays = 0;
+  int64_t samples = 0;
+  double seconds_training = 0;  // optimisation alone
+  double seconds_total = 0;     // with measurements and checkpoints
+};
+
+struct Run {
+  Config config;
+  FieldStage stage = FieldStage::kTrain;
+  Scene scene;             // after LoadRun: without images and ground truth
+  std::string scene_path;  // where the scene was read from, for measurements; may have moved since
+  std::shared_ptr<HyperspaceField> field;
+  std::shared_ptr<RayRenderer> renderer;
+  RunCounters counters;
+  torch::Device device = torch::kCPU;
+};
+
+// An untrained run over `scene`. `initial_tracks` [T, N, 3], scene units: for FieldStage::kTrain.
+Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const torch::Tensor& initial_tracks,
+            torch::Device device);
+
+// Writes RUN/checkpoint.safetensors atomically; `extra` tensors (optimiser, generator) travel under their names.
+void SaveRun(const Run& run, const std::filesystem::path& folder, const std::map<std::string, torch::Tensor>& extra = {});
+
+struct LoadedRun {
+  Run run;
+  std::map<std::string, torch::Tensor> extra;
+};
+
+// Throws CheckpointError naming the file and what is missing, damaged or of another version.
+LoadedRun LoadRunWithExtra(const std::filesystem::path& folder, torch::Device device);
+Run LoadRun(const std::filesystem::path& folder, torch::Device device = torch::kCPU);
+
+}  // namespace editnerf

@@ -1,0 +1,56 @@
+// The training loop of both stages: random rays, losses, Adam, measurements and checkpoints.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+
+#include "libeditnerf/training/adam.h"
+#include "libeditnerf/training/held_out.h"
+#include "libeditnerf/training/key_point_supervision.h"
+#include "libeditnerf/training/metrics_log.h"
+#include "libeditnerf/training/run.h"
+#include "libeditnerf/training/step_guard.h"
+#include "libeditnerf/training/training_rays.h"
+
+namespace editnerf {
+
+class Trainer {
+ public:
+  // `run` is fresh or loaded; the scene must have its images. `supervision` is for FieldStage::kTrain, where it may be
+  // absent too: key points are then moved by the reconstruction alone.
+  Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision> supervision, std::filesystem::path folder);
+
+  // Takes over the optimiser and generator state of a loaded run.
+  void Resume(const std::map<std::string, torch::Tensor>& extra);
+
+  // Trains until the configured steps or seconds are over, then saves. Throws Interrupted after Ctrl-C, once the
+  // checkpoint is written.
+  void Train();
+
+  // One optimisation step: draws rays, and returns the loss terms by name.
+  std::map<std::string, double> Step();
+
+  const Run& run() const { return run_; }
+
+ private:
+  std::map<std::string, torch::Tensor> Losses(int64_t* samples);
+  void AddKeyPointLosses(const FrameStates& states, std::map<std::string, torch::Tensor>* losses) const;
+  double Progress() const;  // in [0, 1], of steps or seconds
+  std::optional<double> Measure();
+  void Log(const std::map<std::string, double>& losses, std::optional<double> psnr);
+  void Save();
+
+  Run run_;
+  const Scene& scene_;
+  StageConfig stage_;
+  std::optional<KeyPointSupervision> supervision_;
+  std::filesystem::path folder_;
+  TrainingRays rays_;
+  HeldOut held_out_;
+  Adam adam_;
+  StepGuard guard_;
+  std::optional<MetricsLog> log_;
+};
+
+}  // namespace editnerf

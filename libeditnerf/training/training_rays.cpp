@@ -1,0 +1,27 @@
+#include "libeditnerf/training/training_rays.h"
+
+namespace editnerf {
+
+TrainingRays::TrainingRays(const Scene& scene, const std::vector<int64_t>& frames, torch::Device device) {
+  std::vector<Camera> cameras;
+  for (const int64_t frame : frames) cameras.push_back(scene.frames[static_cast<size_t>(frame)].camera);
+  cameras_ = StackCameras(cameras, torch::kFloat32, device);
+  images_ = scene.images.index_select(0, torch::tensor(frames, torch::kInt64)).to(device);
+}
+
+RayTargets TrainingRays::Sample(int64_t count) const {
+  const int64_t height = images_.size(1), width = images_.size(2);
+  const torch::Device device = images_.device();
+  // Drawn on the CPU on every device, so that one seed gives one sequence of rays.
+  const torch::Tensor pixel = torch::randint(images_.size(0) * height * width, {count}, torch::kInt64).to(device);
+  const torch::Tensor frame = pixel.div(height * width, "floor");
+  const torch::Tensor within = pixel - frame * (height * width);
+  const torch::Tensor row = within.div(width, "floor"), column = within - row * width;
+  RayTargets batch;
+  batch.frame = frame;
+  batch.rays = RaysThroughPixels(cameras_, frame, torch::stack({column, row}, 1).to(torch::kFloat32) + 0.5);
+  batch.target = images_.view({-1, 3}).index_select(0, pixel).to(torch::kFloat32) / 255;
+  return batch;
+}
+
+}  // namespace editnerf

@@ -1,0 +1,36 @@
+// Random rays of the training images, with the colours that they should have.
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+#include <vector>
+
+#include "libeditnerf/geometry/camera_tensors.h"
+#include "libeditnerf/geometry/rays.h"
+#include "libeditnerf/scene/scene.h"
+
+namespace editnerf {
+
+struct RayTargets {
+  Rays rays;             // [R]
+  torch::Tensor frame;   // [R] int64, rows of the list that the sampler was made of
+  torch::Tensor target;  // [R, 3], colours in [0, 1]
+};
+
+class TrainingRays {
+ public:
+  // The pixels of the scene's frames `frames` (indices into scene.frames); images stay 8 bit on `device`.
+  TrainingRays(const Scene& scene, const std::vector<int64_t>& frames, torch::Device device);
+
+  // `count` pixels drawn uniformly, with repetition, from LibTorch's default CPU generator.
+  RayTargets Sample(int64_t count) const;
+
+  const CameraTensors& cameras() const { return cameras_; }
+
+ private:
+  CameraTensors cameras_;
+  torch::Tensor images_;  // [F, H, W, 3] uint8
+};
+
+}  // namespace editnerf

@@ -1,0 +1,69 @@
+#include "libeditnerf/training/adam.h"
+
+#include <torch/torch.h>
+
+#include "libeditnerf/base/error.h"
+#include "tests/catch.h"
+
+using namespace editnerf;
+
+TEST_CASE("Adam takes the steps that LibTorch's Adam takes") {
+  torch::manual_seed(1);
+  auto ours = torch::randn({5, 3}, torch::kFloat64).requires_grad_();
+  auto theirs = ours.detach().clone().requires_grad_();
+  const auto target = torch::randn({5, 3}, torch::kFloat64);
+  Adam adam({{{{"x", ours}}, 0.5, false}}, {0.9, 0.99, 1e-8});
+  torch::optim::Adam reference({theirs}, torch::optim::AdamOptions(0.01).betas({0.9, 0.99}).eps(1e-8));
+  for (int step = 0; step < 20; ++step) {
+    adam.ZeroGrad();
+    (ours - target).pow(2).sum().backward();
+    adam.Step(0.02);
+    reference.zero_grad();
+    (theirs - target).pow(2).sum().backward();
+    reference.step();
+  }
+  CHECK(torch::allclose(ours, theirs, 1e-10, 1e-12));
+}
+
+TEST_CASE("Adam leaves untouched entries of a table alone, on either path") {
+  for (const bool contiguous : {true, false}) {
+    auto table = (contiguous ? torch::ones({2, 4}) : torch::ones({4, 2}).t()).detach().requires_grad_();
+    Adam adam({{{{"table", table}}, 1, true}}, {});
+    for (int step = 0; step < 3; ++step) {
+      adam.ZeroGrad();
+      table.select(0, step == 0 ? 0 : 1).sum().backward();
+      adam.Step(0.1);
+    }
+    CHECK(torch::allclose(table.detach()[0], torch::full({4}, 0.9f), 1e-5, 1e-5));
+    CHECK((table.detach()[1] < 0.9).all().item<bool>());
+  }
+}
+
+TEST_CASE("Adam continues from a saved state exactly") {
+  const auto run = [](int first_part) {
+    torch::manual_seed(2);
+    auto x = torch::randn({7}).requires_grad_();
+    auto adam = std::make_unique<Adam>(std::vector<AdamGroup>{{{{"x", x}}, 1, false}}, AdamOptions{});
+    for (int step = 0; step < 6; ++step) {
+      if (step == first_part) {
+        std::map<std::string, torch::Tensor> state;
+        for (const auto& [name, tensor] : adam->State()) state[name] = tensor.clone();
+        adam = std::make_unique<Adam>(std::vector<AdamGroup>{{{{"x", x}}, 1, false}}, AdamOptions{});
+        adam->LoadState(state);
+      }
+      adam->ZeroGrad();
+      x.pow(2).sum().backward();
+      adam->Step(0.1);
+    }
+    return x.detach();
+  };
+  CHECK(torch::equal(run(-1), run(3)));
+}
+
+TEST_CASE("Adam names what a saved state lacks") {
+  auto x = torch::zeros({3}).requires_grad_();
+  Adam adam({{{{"x", x}}, 1, false}}, {});
+  CHECK_THROWS_WITH(adam.LoadState({}), "optimiser state: 'first.x' is missing");
+  CHECK_THROWS_WITH(adam.LoadState({{"first.x", torch::zeros({2})}}),
+                    "optimiser state: 'first.x': expected shape [3], found [2]");
+}
