@@ -1,0 +1,200 @@
+#include "libeditnerf/training/run.h"
+
+#include <nlohmann/json.hpp>
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/file.h"
+#include "libeditnerf/base/safetensors.h"
+#include "libeditnerf/base/shape.h"
+#include "libeditnerf/config/yaml.h"
+#include "libeditnerf/scene/scene_json.h"
+#include "libeditnerf/training/training_rays.h"
+
+namespace editnerf {
+namespace {
+
+namespace fs = std::filesystem;
+using Tensors = std::map<std::string, torch::Tensor>;
+
+constexpr const char* kFormat = "editnerf checkpoint";
+constexpr int kVersion = 1;
+// The local occupancy grid covers the whole reach of x - p, not the share that the local hash encoding refines.
+constexpr double kLocalReach = 1.0;
+
+// Everything between near and far of the training views, from the corners and edges of their images.
+Box BoxOf(const Scene& scene) {
+  std::vector<Camera> cameras;
+  for (const int64_t frame : scene.train) cameras.push_back(scene.frames[static_cast<size_t>(frame)].camera);
+  const CameraTensors tensors = StackCameras(cameras);
+  const torch::Tensor edge = torch::linspace(0, 1, 5);
+  const torch::Tensor u = edge.repeat({5}) * static_cast<double>(tensors.width);
+  const torch::Tensor v = edge.repeat_interleave(5) * static_cast<double>(tensors.height);
+  const torch::Tensor frame = torch::arange(tensors.size()).repeat_interleave(25);
+  const Rays rays = RaysThroughPixels(tensors, frame, torch::stack({u, v}, 1).repeat({tensors.size(), 1}));
+  return BoxAroundRays(rays.origin, rays.direction, scene.transform.near, scene.transform.far);
+}
+
+std::string BoxToJson(const Box& box) {
+  return nlohmann::json{box.low.x, box.low.y, box.low.z, box.high.x, box.high.y, box.high.z}.dump();
+}
+
+Box BoxFromJson(const std::string& text) {
+  const auto v = nlohmann::json::parse(text).get<std::array<double, 6>>();
+  return {{v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
+}
+
+void Build(Run* run, const Box& box, const torch::Tensor& initial_tracks) {
+  HyperspaceFieldOptions options;
+  options.config = run->config.field;
+  options.stage = run->stage;
+  options.num_frames = static_cast<int64_t>(run->scene.train.size());
+  options.box = box;
+  options.initial_tracks = initial_tracks;
+  run->field = std::make_shared<HyperspaceField>(options);
+  std::optional<Box> local_box;
+  if (run->field->has_rigid_anchor()) {
+    const double reach = kLocalReach * box.LongestSide();
+    local_box = Box{{-reach, -reach, -reach}, {reach, reach, reach}};
+  }
+  run->renderer = std::make_shared<RayRenderer>(run->config.render, run->scene.transform.near, run->scene.transform.far,
+                                                box, local_box);
+  run->field->to(run->device);
+  run->renderer->to(run->device);
+}
+
+void Collect(const torch::nn::Module& module, const std::string& prefix, Tensors* tensors) {
+  for (const auto& item : module.named_parameters()) (*tensors)[prefix + item.key()] = item.value().detach();
+  for (const auto& item : module.named_buffers()) (*tensors)[prefix + item.key()] = item.value();
+}
+
+void Restore(const torch::nn::Module& module, const std::string& prefix, const Tensors& tensors, const fs::path& path) {
+  const torch::NoGradGuard no_grad;
+  const auto restore = [&](const std::string& key, torch::Tensor target) {
+    const auto found = tensors.find(prefix + key);
+    if (found == tensors.end()) Throw<CheckpointError>("{}: tensor '{}' is missing", path.string(), prefix + key);
+    if (found->second.sizes() != target.sizes()) {
+      Throw<CheckpointError>("{}: tensor '{}': expected shape {}, found {}", path.string(), prefix + key,
+                             ShapeString(target), ShapeString(found->second));
+    }
+    if (found->second.is_floating_point() && !found->second.isfinite().all().item<bool>()) {
+      Throw<CheckpointError>("{}: tensor '{}' holds values that are not finite", path.string(), prefix + key);
+    }
+    target.copy_(found->second);
+  };
+  for (const auto& item : module.named_parameters()) restore(item.key(), item.value());
+  for (const auto& item : module.named_buffers()) restore(item.key(), item.value());
+}
+
+std::string CountersToJson(const RunCounters& c) {
+  return nlohmann::json{{"step", c.step},
+                        {"rays", c.rays},
+                        {"samples", c.samples},
+                        {"seconds_training", c.seconds_training},
+                        {"seconds_total", c.seconds_total}}
+      .dump();
+}
+
+RunCounters CountersFromJson(const std::string& text) {
+  const auto value = nlohmann::json::parse(text);
+  return {value.at("step"), value.at("rays"), value.at("samples"), value.at("seconds_training"),
+          value.at("seconds_total")};
+}
+
+}  // namespace
+
+Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const torch::Tensor& initial_tracks,
+            torch::Device device) {
+  Run run;
+  run.config = config;
+  run.stage = stage;
+  run.scene = scene;
+  run.scene.images = torch::Tensor();
+  run.scene.truth.reset();
+  run.device = device;
+  Build(&run, BoxOf(scene), initial_tracks);
+  return run;
+}
+
+void SaveRun(const Run& run, const fs::path& folder, const Tensors& extra) {
+  MakeFolder(folder);
+  Tensors tensors;
+  Collect(*run.field, "field.", &tensors);
+  Collect(*run.renderer, "renderer.", &tensors);
+  for (const auto& [name, tensor] : extra) tensors["extra." + name] = tensor;
+  WriteSafetensors(folder / "checkpoint.safetensors", tensors,
+                   {{"format", kFormat},
+                    {"version", std::to_string(kVersion)},
+                    {"stage", run.stage == FieldStage::kPretrain ? "pretrain" : "train"},
+                    {"config", ToYaml(run.config)},
+                    {"scene", SceneToJson(run.scene)},
+                    {"scene_path", run.scene_path},
+                    {"box", BoxToJson(run.field->options().box)},
+                    {"key_points", std::to_string(run.field->num_key_points())},
+                    {"counters", CountersToJson(run.counters)}});
+  WriteFileAtomically(folder / "config.yaml", ToYaml(run.config));
+}
+
+LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device) {
+  const fs::path path = folder / "checkpoint.safetensors";
+  if (!fs::exists(path)) {
+    Throw<CheckpointError>("{}: no checkpoint here; expected the folder that enf-pretrain or enf-train wrote (--out)",
+                           path.string());
+  }
+  const SafetensorsFile file = ReadSafetensors(path);
+  const auto text = [&](const char* key) -> const std::string& {
+    const auto found = file.metadata.find(key);
+    if (found == file.metadata.end()) {
+      Throw<CheckpointError>("{}: not a checkpoint of this program: metadata '{}' is missing", path.string(), key);
+    }
+    return found->second;
+  };
+  if (text("format") != kFormat) {
+    Throw<CheckpointError>("{}: expected format '{}', found '{}'", path.string(), kFormat, text("format"));
+  }
+  if (text("version") != std::to_string(kVersion)) {
+    Throw<CheckpointError>("{}: expected version {}, found {}; train again, or use the program that wrote it",
+                           path.string(), kVersion, text("version"));
+  }
+  LoadedRun loaded;
+  Run& run = loaded.run;
+  try {
+    run.config = LoadConfigText(text("config"), path.string() + " (config)");
+    run.stage = text("stage") == "pretrain" ? FieldStage::kPretrain : FieldStage::kTrain;
+    run.scene = SceneFromJson(text("scene"), path.string());
+    run.scene_path = text("scene_path");
+    run.counters = CountersFromJson(text("counters"));
+    run.device = device;
+    const int64_t key_points = std::stoll(text("key_points"));
+    if (key_points < 0 || key_points > 64) {
+      Throw<CheckpointError>("{}: expected 0 to 64 key points, found {}", path.string(), key_points);
+    }
+    torch::Tensor tracks;
+    if (key_points > 0) {
+      // Replaced by the checkpoint's; a moving placeholder, because still key points are warned about.
+      tracks = torch::linspace(0, 1, static_cast<int64_t>(run.scene.train.size()))
+                   .view({-1, 1, 1}).expand({-1, key_points, 3}).contiguous();
+    }
+    Build(&run, BoxFromJson(text("box")), tracks);
+  } catch (const nlohmann::json::exception& error) {
+    Throw<CheckpointError>("{}: damaged metadata: {}", path.string(), error.what());
+  } catch (const std::logic_error& error) {
+    Throw<CheckpointError>("{}: damaged metadata: {}", path.string(), error.what());
+  } catch (const ConfigError& error) {
+    Throw<CheckpointError>("{}", error.what());
+  } catch (const DataError& error) {
+    Throw<CheckpointError>("{}", error.what());
+  }
+  Restore(*run.field, "field.", file.tensors, path);
+  Restore(*run.renderer, "renderer.", file.tensors, path);
+  const std::string prefix = "extra.";
+  for (const auto& [name, tensor] : file.tensors) {
+    if (name.rfind(prefix, 0) == 0) loaded.extra[name.substr(prefix.size())] = tensor;
+  }
+  run.field->SetStep(run.counters.step);
+  run.field->eval();
+  return loaded;
+}
+
+Run LoadRun(const fs::path& folder, torch::Device device) { return LoadRunWithExtra(folder, device).run; }
+
+}  // namespace editnerf
