@@ -1,13 +1,44 @@
 #include "support/run.h"
 
 #include <c10/util/Exception.h>
+#include <torch/version.h>
 
 #include <exception>
+#include <new>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/base/interrupt.h"
 #include "libeditnerf/base/logging.h"
 
 namespace editnerf {
+
+int RunProgram(const std::string& name, const std::string& description, int argc, const char* const* argv,
+               const std::function<void(CLI::App&)>& define, const std::function<void(const CommonOptions&)>& body) {
+  constexpr int kUsageError = 2;
+  CLI::App app(description, name);
+  app.set_version_flag("--version", name + " " EDITNERF_VERSION " (LibTorch " TORCH_VERSION ")",
+                       "print the version and exit");
+  CommonFlags flags;
+  define(app);
+  flags.AddTo(app);
+  int usage = 0;
+  const int outcome = RunProgram([&] {
+    try {
+      app.parse(argc, argv);
+    } catch (const CLI::Success& information) {  // help, version and the like
+      app.exit(information);
+      return;
+    } catch (const CLI::ParseError& error) {
+      app.exit(error);
+      usage = kUsageError;
+      return;
+    }
+    const CommonOptions options = flags.Apply();
+    InstallInterruptHandler();
+    body(options);
+  });
+  return usage != 0 ? usage : outcome;
+}
 
 int RunProgram(const std::function<void()>& body) {
   try {

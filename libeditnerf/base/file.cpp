@@ -30,30 +30,43 @@ std::string ReadFile(const fs::path& path, uintmax_t max_bytes) {
   return content;
 }
 
-void WriteFileAtomically(const fs::path& path, const std::string& content) {
-  const std::string temporary = path.string() + ".partial";
-  const auto fail = [&](const char* what) {
-    const int reason = errno;
-    ::unlink(temporary.c_str());
-    Throw<DataError>("{}: {}: {}", path.string(), what, std::strerror(reason));
-  };
-  const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file < 0) fail("cannot be written");
-  size_t written = 0;
-  while (written < content.size()) {
-    const ssize_t count = ::write(file, content.data() + written, content.size() - written);
+AtomicFile::AtomicFile(const fs::path& path) : path_(path.string()), temporary_(path_ + ".partial") {
+  file_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (file_ < 0) Throw<DataError>("{}: cannot be written: {}", path_, std::strerror(errno));
+}
+
+AtomicFile::~AtomicFile() {
+  if (file_ < 0) return;
+  ::close(file_);
+  ::unlink(temporary_.c_str());
+}
+
+void AtomicFile::Fail(const char* what) {
+  Throw<DataError>("{}: {}: {}", path_, what, std::strerror(errno));  // the destructor removes the temporary file
+}
+
+void AtomicFile::Write(const void* data, size_t size) {
+  const char* bytes = static_cast<const char*>(data);
+  while (size > 0) {
+    const ssize_t count = ::write(file_, bytes, size);
     if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) {
-      const int reason = errno;
-      ::close(file);
-      errno = reason;
-      fail("cannot be written");
-    }
-    written += static_cast<size_t>(count);
+    if (count <= 0) Fail("cannot be written");
+    bytes += count;
+    size -= static_cast<size_t>(count);
   }
-  const bool flushed = ::fsync(file) == 0;
-  if (::close(file) != 0 || !flushed) fail("cannot be written");
-  if (::rename(temporary.c_str(), path.c_str()) != 0) fail("cannot be put in place");
+}
+
+void AtomicFile::Commit() {
+  if (::fsync(file_) != 0) Fail("cannot be written");
+  if (::rename(temporary_.c_str(), path_.c_str()) != 0) Fail("cannot be put in place");
+  ::close(file_);  // what it could report, fsync has
+  file_ = -1;
+}
+
+void WriteFileAtomically(const fs::path& path, const std::string& content) {
+  AtomicFile file(path);
+  file.Write(content.data(), content.size());
+  file.Commit();
 }
 
 void MakeFolder(const fs::path& path) {

@@ -1,0 +1,66 @@
+#include "libeditnerf/config/reference.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "libeditnerf/config/schema.h"
+
+namespace editnerf {
+namespace {
+
+std::string TypeText(const Setting& setting) {
+  if (std::holds_alternative<int64_t*>(setting.value)) return "integer";
+  if (std::holds_alternative<double*>(setting.value)) return "number";
+  return std::holds_alternative<bool*>(setting.value) ? "boolean" : "text";
+}
+
+std::string RangeText(const Setting& setting) {
+  if (std::holds_alternative<bool*>(setting.value)) return "true, false";
+  if (!setting.words.empty()) return fmt::format("{}", fmt::join(setting.words, ", "));
+  const bool low = std::isfinite(setting.bounds.low), high = std::isfinite(setting.bounds.high);
+  if (low && high) return fmt::format("{} to {}", setting.bounds.low, setting.bounds.high);
+  if (low) return fmt::format("{} {}", setting.bounds.low_open ? ">" : ">=", setting.bounds.low);
+  if (high) return fmt::format("<= {}", setting.bounds.high);
+  return "any";
+}
+
+void WriteGroup(const Setting& group, std::string& text) {
+  text += fmt::format("\n## {}\n\n{}.\n", group.path, group.doc);
+  const auto is_value = [](const Setting& child) { return !child.is_group(); };
+  if (std::any_of(group.children.begin(), group.children.end(), is_value)) {
+    text += "\n| key | type | default | values | meaning |\n|---|---|---|---|---|\n";
+  }
+  for (const Setting& child : group.children) {
+    if (child.is_group()) continue;
+    text += fmt::format("| `{}` | {} | {} | {} | {} |\n", child.path, TypeText(child), ValueText(child),
+                        RangeText(child), child.doc);
+  }
+  for (const Setting& child : group.children)
+    if (child.is_group()) WriteGroup(child, text);
+}
+
+}  // namespace
+
+std::string ConfigReference() {
+  std::string text =
+      "# Configuration\n\n"
+      "Generated from the structs in `libeditnerf/config/`; do not edit by hand. To write it anew:\n"
+      "`enf --print-config-reference > docs/configuration.md`.\n\n"
+      "A configuration file is YAML and names only what it changes: everything else keeps the default below, which is "
+      "the\n"
+      "paper's setting. Programs take a file with `--config FILE` (or one of the short names `fast`, `paper`, `tiny`) "
+      "and\n"
+      "single settings with `--set key=value`. Unknown keys, duplicate keys, wrong types and values out of range are "
+      "errors\n"
+      "that name the file and the line. `--print-config` shows what a program would use.\n\n"
+      "Settings that must fit each other: `skip_layer` is less than `depth`, or 0; `finest_resolution` is at least\n"
+      "`base_resolution`; `final_learning_rate` is at most `learning_rate`.\n";
+  Config config;
+  const Setting root = Describe(config);
+  for (const Setting& group : root.children) WriteGroup(group, text);
+  return text;
+}
+
+}  // namespace editnerf
