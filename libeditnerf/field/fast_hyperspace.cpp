@@ -27,12 +27,15 @@ int64_t Width(const HashEncodingConfig& config) { return config.num_levels * con
 
 }  // namespace
 
-FastHyperspace::FastHyperspace(const FastHyperspaceOptions& options)
-    : options_(options), ambient_encoding_(options.ambient_dim, options.config.ambient_octaves, true) {
+FastHyperspace::FastHyperspace(const FastHyperspaceOptions& options) : options_(options) {
   const FastFieldConfig& config = options_.config;
   canonical_resolutions_ = Resolutions(config.canonical_hash);
   canonical_table_ = register_parameter("canonical_table", MakeTable(config.canonical_hash));
-  int64_t features = Width(config.canonical_hash) + ambient_encoding_.output_dim();
+  int64_t features = Width(config.canonical_hash);
+  if (options_.ambient_dim > 0) {
+    ambient_encoding_.emplace(options_.ambient_dim, config.ambient_octaves);
+    features += ambient_encoding_->output_dim();
+  }
   if (options_.anchored) {
     local_resolutions_ = Resolutions(config.local_hash);
     local_table_ = register_parameter("local_table", MakeTable(config.local_hash));
@@ -41,22 +44,21 @@ FastHyperspace::FastHyperspace(const FastHyperspaceOptions& options)
   const Box& box = options_.box;
   box_low_ = register_buffer("box_low", torch::tensor({box.low.x, box.low.y, box.low.z}, torch::kFloat32));
   MlpOptions density;
-  density.in_dim = features;
+  density.in = features;
   density.depth = config.density_depth;
   density.width = config.width;
-  density.out_dim = 1 + config.geometry_features;
+  density.out = 1 + config.geometry_features;
   density_network_ = register_module("density_network", Mlp(density));
   MlpOptions color;
-  color.in_dim = config.geometry_features + (options_.use_direction ? kNumSphericalHarmonics : 0) + options_.appearance_dim;
+  color.in = config.geometry_features + (options_.use_direction ? kNumSphericalHarmonics : 0) + options_.appearance_dim;
   color.depth = config.color_depth;
   color.width = config.width;
-  color.out_dim = 3;
+  color.out = 3;
   color_network_ = register_module("color_network", Mlp(color));
 }
 
 torch::Tensor FastHyperspace::DensityFeatures(const HyperspaceInput& input) {
   CheckShape(input.x_canonical, {kAny, 3}, "fast field x_canonical");
-  CheckShape(input.ambient, {input.x_canonical.size(0), options_.ambient_dim}, "fast field ambient");
   const double side = options_.box.LongestSide();
   std::vector<torch::Tensor> features = {
       HashEncode((input.x_canonical - box_low_) / side, canonical_table_, canonical_resolutions_)};
@@ -66,7 +68,10 @@ torch::Tensor FastHyperspace::DensityFeatures(const HyperspaceInput& input) {
     const torch::Tensor margin = 1 - 2 * std::get<0>(local.detach().abs().max(1, true));
     features.push_back(HashEncode(local + 0.5, local_table_, local_resolutions_) * (margin / kFade).clamp(0, 1));
   }
-  features.push_back(ambient_encoding_.forward(input.ambient));
+  if (ambient_encoding_) {
+    CheckShape(input.ambient, {input.x_canonical.size(0), options_.ambient_dim}, "fast field ambient");
+    features.push_back(ambient_encoding_->forward(input.ambient));
+  }
   return density_network_->forward(torch::cat(features, 1));
 }
 

@@ -9,6 +9,7 @@
 
 #include <torch/types.h>
 
+#include <optional>
 #include <vector>
 
 #include "libeditnerf/config/field_config.h"
@@ -22,7 +23,7 @@ namespace editnerf {
 struct FastHyperspaceOptions {
   FastFieldConfig config;
   Box box;                         // of the scene, scene units
-  int64_t ambient_dim = 0;         // >= 1
+  int64_t ambient_dim = 0;         // 0: a static scene
   bool anchored = false;           // whether HyperspaceInput::anchor is given
   bool use_direction = true;
   int64_t appearance_dim = 0;      // 0: the colour does not depend on the frame
@@ -40,7 +41,7 @@ class FastHyperspace : public HyperspaceNetwork {
   torch::Tensor DensityFeatures(const HyperspaceInput& input);  // [S, 1 + geometry_features]
 
   FastHyperspaceOptions options_;
-  PositionalEncoding ambient_encoding_;
+  std::optional<PositionalEncoding> ambient_encoding_;
   std::vector<int64_t> canonical_resolutions_, local_resolutions_;
   torch::Tensor canonical_table_, local_table_;  // [L, T, F]
   torch::Tensor box_low_;                        // [3] buffer

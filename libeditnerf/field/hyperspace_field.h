@@ -22,7 +22,8 @@ struct HyperspaceFieldOptions {
   FieldStage stage = FieldStage::kTrain;
   int64_t num_frames = 0;       // T training frames
   Box box;                      // of the scene, scene units
-  torch::Tensor initial_tracks; // [T, N, 3] key points, scene units; training only, N >= 1
+  int64_t num_key_points = 0;     // N, training only; 0: a static scene
+  torch::Tensor initial_tracks;   // [T, N, 3], scene units; undefined: to be loaded from a checkpoint
 };
 
 class HyperspaceField : public RadianceField {
@@ -37,7 +38,7 @@ class HyperspaceField : public RadianceField {
   FieldOutput EvaluateDensity(const FieldInput& input, const FrameStates& states, Level level) override;
 
   const HyperspaceFieldOptions& options() const { return options_; }
-  int64_t num_key_points() const;               // 0 in pretraining
+  int64_t num_key_points() const { return options_.stage == FieldStage::kTrain ? options_.num_key_points : 0; }
   KeyPointTable key_points() { return key_points_; }  // empty in pretraining
 
   // Whether key points alone decide where x' - p is: one key point and no warp field.

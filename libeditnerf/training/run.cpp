@@ -43,12 +43,13 @@ Box BoxFromJson(const std::string& text) {
   return {{v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
 }
 
-void Build(Run* run, const Box& box, const torch::Tensor& initial_tracks) {
+void Build(Run* run, const Box& box, int64_t num_key_points, const torch::Tensor& initial_tracks) {
   HyperspaceFieldOptions options;
   options.config = run->config.field;
   options.stage = run->stage;
   options.num_frames = static_cast<int64_t>(run->scene.train.size());
   options.box = box;
+  options.num_key_points = num_key_points;
   options.initial_tracks = initial_tracks;
   run->field = std::make_shared<HyperspaceField>(options);
   std::optional<Box> local_box;
@@ -111,7 +112,7 @@ Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const to
   run.scene.images = torch::Tensor();
   run.scene.truth.reset();
   run.device = device;
-  Build(&run, BoxOf(scene), initial_tracks);
+  Build(&run, BoxOf(scene), initial_tracks.defined() ? initial_tracks.size(1) : 0, initial_tracks);
   return run;
 }
 
@@ -168,13 +169,7 @@ LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device) {
     if (key_points < 0 || key_points > 64) {
       Throw<CheckpointError>("{}: expected 0 to 64 key points, found {}", path.string(), key_points);
     }
-    torch::Tensor tracks;
-    if (key_points > 0) {
-      // Replaced by the checkpoint's; a moving placeholder, because still key points are warned about.
-      tracks = torch::linspace(0, 1, static_cast<int64_t>(run.scene.train.size()))
-                   .view({-1, 1, 1}).expand({-1, key_points, 3}).contiguous();
-    }
-    Build(&run, BoxFromJson(text("box")), tracks);
+    Build(&run, BoxFromJson(text("box")), key_points, torch::Tensor());
   } catch (const nlohmann::json::exception& error) {
     Throw<CheckpointError>("{}: damaged metadata: {}", path.string(), error.what());
   } catch (const std::logic_error& error) {

@@ -1,0 +1,140 @@
+#include "libeditnerf/field/hyperspace_field.h"
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/shape.h"
+#include "libeditnerf/field/fast_hyperspace.h"
+#include "libeditnerf/field/hyperspace_nerf.h"
+
+namespace editnerf {
+namespace {
+
+torch::Tensor RowsOf(const torch::Tensor& table, const torch::Tensor& state, const char* name) {
+  if (!table.defined()) Throw<ShapeError>("{}: this field needs them, and the frame states have none", name);
+  return table.index_select(0, state);
+}
+
+torch::Tensor Lerp(const torch::Tensor& a, const torch::Tensor& b, double weight) {
+  return a.defined() ? torch::lerp(a, b, weight) : a;
+}
+
+std::shared_ptr<HyperspaceNetwork> MakeNetwork(const HyperspaceFieldOptions& options, int64_t ambient_dim) {
+  const FieldConfig& config = options.config;
+  const int64_t appearance_dim = config.use_appearance ? config.appearance_dim : 0;
+  if (config.kind == "fast") {
+    FastHyperspaceOptions fast;
+    fast.config = config.fast;
+    fast.box = options.box;
+    fast.ambient_dim = ambient_dim;
+    fast.anchored = options.stage == FieldStage::kTrain && options.num_key_points > 0;
+    fast.use_direction = config.use_view_direction;
+    fast.appearance_dim = appearance_dim;
+    return std::make_shared<FastHyperspace>(fast);
+  }
+  if (config.kind != "paper") Throw<ConfigError>("field.kind: expected 'paper' or 'fast', found '{}'", config.kind);
+  HyperspaceInputs inputs;
+  inputs.ambient_dim = ambient_dim;
+  if (config.use_view_direction) inputs.direction_octaves = config.direction_octaves;
+  inputs.appearance_dim = appearance_dim;
+  return std::make_shared<HyperspaceNerfImpl>(config.nerf, inputs);
+}
+
+}  // namespace
+
+FrameStates FrameStates::Interpolate(const FrameStates& a, const FrameStates& b, double weight) {
+  return {Lerp(a.warp_code, b.warp_code, weight), Lerp(a.appearance_code, b.appearance_code, weight),
+          Lerp(a.key_points, b.key_points, weight)};
+}
+
+HyperspaceField::HyperspaceField(const HyperspaceFieldOptions& options) : options_(options) {
+  const FieldConfig& config = options_.config;
+  const bool pretrain = options_.stage == FieldStage::kPretrain;
+  const int64_t num_frames = options_.num_frames, num_key_points = options_.num_key_points;
+  if (config.warp.enabled) warp_ = register_module("warp", WarpField(config.warp));
+  if (config.warp.enabled || pretrain) {
+    warp_codes_ = register_module("warp_codes", FrameCodes(num_frames, config.warp.code_dim, config.code_init));
+  }
+  if (config.use_appearance) {
+    appearance_codes_ =
+        register_module("appearance_codes", FrameCodes(num_frames, config.appearance_dim, config.code_init));
+  }
+  int64_t ambient_dim = 0;
+  if (pretrain) {
+    slicing_ = register_module("slicing", SlicingNetwork(config.slicing, config.warp.code_dim));
+    ambient_dim = config.slicing.ambient_dim;
+  } else if (num_key_points > 0) {
+    if (options_.initial_tracks.defined()) {
+      CheckShape(options_.initial_tracks, {num_frames, num_key_points, 3}, "initial key point tracks");
+      key_points_ = KeyPointTable(options_.initial_tracks.to(torch::kFloat32));
+    } else {
+      key_points_ = KeyPointTable(num_frames, num_key_points);
+    }
+    register_module("key_points", key_points_);
+    if (num_key_points > 1) weights_ = register_module("weights", WeightNetwork(config.weights, num_key_points));
+    ambient_dim = 3;
+  }
+  options_.initial_tracks = torch::Tensor();
+  if (config.kind == "paper") coarse_ = register_module("coarse", MakeNetwork(options_, ambient_dim));
+  fine_ = register_module("fine", MakeNetwork(options_, ambient_dim));
+  SetStep(0);
+}
+
+bool HyperspaceField::has_rigid_anchor() const { return num_key_points() == 1 && !warp_; }
+
+void HyperspaceField::SetStep(int64_t step) {
+  const WarpFieldConfig& warp = options_.config.warp;
+  warp_window_ = WindowAlpha(step, 0, warp.window_steps, warp.num_octaves);
+  if (coarse_) coarse_->SetStep(step);
+  fine_->SetStep(step);
+}
+
+FrameStates HyperspaceField::States(const torch::Tensor& time) {
+  FrameStates states;
+  if (warp_codes_) states.warp_code = warp_codes_->forward(time);
+  if (appearance_codes_) states.appearance_code = appearance_codes_->forward(time);
+  if (key_points_) states.key_points = key_points_->Positions(time);
+  return states;
+}
+
+HyperspaceInput HyperspaceField::ToHyperspace(const FieldInput& input, const FrameStates& states, FieldOutput* output) {
+  CheckShape(input.x_observed, {kAny, 3}, "field x_observed");
+  CheckShape(input.state, {input.x_observed.size(0)}, "field state");
+  torch::Tensor warp_code;
+  if (warp_codes_) warp_code = RowsOf(states.warp_code, input.state, "warp codes");
+  HyperspaceInput inner;
+  inner.x_canonical = warp_ ? warp_->forward(input.x_observed, warp_code, warp_window_) : input.x_observed;
+  if (slicing_) {
+    inner.ambient = slicing_->forward(input.x_observed, warp_code);
+  } else if (key_points_) {
+    if (!states.key_points.defined()) {
+      Throw<ShapeError>("key points: this field needs them, and the frame states have none");
+    }
+    CheckShape(states.key_points, {kAny, num_key_points(), 3}, "field key points");
+    if (weights_) output->weights = weights_->forward(inner.x_canonical);
+    inner.anchor = WeightedKeyPoint(output->weights, states.key_points, input.state);
+    inner.ambient = WeightedKeyPoint(output->weights, key_points_->ToLocal(states.key_points), input.state);
+  }
+  output->x_canonical = inner.x_canonical;
+  output->ambient = inner.ambient;
+  output->anchor = inner.anchor;
+  return inner;
+}
+
+FieldOutput HyperspaceField::Evaluate(const FieldInput& input, const FrameStates& states, Level level) {
+  FieldOutput output;
+  HyperspaceInput inner = ToHyperspace(input, states, &output);
+  if (options_.config.use_view_direction) inner.direction = input.direction;
+  if (appearance_codes_) inner.appearance = RowsOf(states.appearance_code, input.state, "appearance codes");
+  const HyperspaceOutput result = (level == Level::kCoarse && coarse_ ? coarse_ : fine_)->Evaluate(inner);
+  output.density = result.density;
+  output.radiance = result.radiance;
+  return output;
+}
+
+FieldOutput HyperspaceField::EvaluateDensity(const FieldInput& input, const FrameStates& states, Level level) {
+  FieldOutput output;
+  const HyperspaceInput inner = ToHyperspace(input, states, &output);
+  output.density = (level == Level::kCoarse && coarse_ ? coarse_ : fine_)->Density(inner);
+  return output;
+}
+
+}  // namespace editnerf

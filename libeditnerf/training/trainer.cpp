@@ -1,0 +1,216 @@
+#include "libeditnerf/training/trainer.h"
+
+#include <ATen/CPUGeneratorImpl.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/interrupt.h"
+#include "libeditnerf/base/logging.h"
+#include "libeditnerf/base/progress.h"
+#include "libeditnerf/training/losses.h"
+#include "libeditnerf/training/schedule.h"
+
+namespace editnerf {
+namespace {
+
+constexpr int64_t kHeldOutRays = 8192;
+// A random background makes surfaces opaque; from the first step on it would build a fog wall before the cameras.
+constexpr int64_t kRandomBackgroundDelay = 200;
+
+const StageConfig& StageOf(const Run& run) {
+  return run.stage == FieldStage::kPretrain ? run.config.pretrain : run.config.train;
+}
+
+bool Contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
+
+std::vector<AdamGroup> Groups(const HyperspaceField& field, const StageConfig& stage) {
+  AdamGroup networks, tables, codes, key_points;
+  tables.skip_untouched = true;
+  codes.learning_rate_factor = stage.code_learning_rate;
+  key_points.learning_rate_factor = stage.key_point_learning_rate;
+  for (const auto& item : field.named_parameters()) {
+    AdamGroup& group = Contains(item.key(), "codes.")        ? codes
+                       : Contains(item.key(), "key_points.") ? key_points
+                       : Contains(item.key(), "_table")      ? tables
+                                                             : networks;
+    group.parameters.emplace_back(item.key(), item.value());
+  }
+  return {networks, tables, codes, key_points};
+}
+
+AdamOptions OptionsOf(const Config& config) {
+  // The paper's networks take Adam's usual constants, hash encodings those of Mueller et al. (2022).
+  return config.field.kind == "fast" ? AdamOptions{0.9, 0.99, 1e-15} : AdamOptions{0.9, 0.999, 1e-8};
+}
+
+}  // namespace
+
+Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision> supervision,
+                 std::filesystem::path folder)
+    : run_(std::move(run)),
+      scene_(scene),
+      stage_(StageOf(run_)),
+      supervision_(std::move(supervision)),
+      folder_(std::move(folder)),
+      rays_(scene, scene.train, run_.device),
+      held_out_(scene, kHeldOutRays, run_.device),
+      adam_(Groups(*run_.field, stage_), OptionsOf(run_.config)),
+      guard_(StepGuardOptions{}) {
+  if (supervision_) {
+    supervision_->flow = supervision_->flow.to(run_.device);
+    supervision_->depth = supervision_->depth.to(run_.device);
+  }
+  run_.field->train();
+}
+
+void Trainer::Resume(const std::map<std::string, torch::Tensor>& extra) {
+  std::map<std::string, torch::Tensor> optimizer;
+  const std::string prefix = "adam.";
+  for (const auto& [name, tensor] : extra) {
+    if (name.rfind(prefix, 0) == 0) optimizer[name.substr(prefix.size())] = tensor;
+  }
+  adam_.LoadState(optimizer);
+  const auto generator = extra.find("generator");
+  if (generator == extra.end()) Throw<CheckpointError>("checkpoint: the random generator's state is missing");
+  at::detail::getDefaultCPUGenerator().set_state(generator->second);
+}
+
+double Trainer::Progress() const {
+  const double steps = static_cast<double>(run_.counters.step) / static_cast<double>(stage_.steps);
+  const double seconds = stage_.seconds > 0 ? run_.counters.seconds_training / stage_.seconds : 0.0;
+  return std::min(1.0, std::max(steps, seconds));
+}
+
+void Trainer::AddKeyPointLosses(const FrameStates& states, std::map<std::string, torch::Tensor>* losses) const {
+  if (!supervision_ || run_.field->num_key_points() == 0) return;
+  if (stage_.lambda_motion > 0) {
+    (*losses)["motion"] = stage_.lambda_motion * MotionLoss(rays_.cameras(), states.key_points, supervision_->flow,
+                                                            stage_.reference_width);
+  }
+  if (stage_.lambda_geometry > 0) {
+    (*losses)["geometry"] =
+        stage_.lambda_geometry * GeometryLoss(rays_.cameras(), states.key_points, supervision_->depth);
+  }
+}
+
+std::map<std::string, torch::Tensor> Trainer::Losses(int64_t* samples) {
+  const RayTargets batch = rays_.Sample(stage_.rays_per_step);
+  const FrameStates states =
+      run_.field->States(torch::arange(rays_.cameras().size(), torch::kInt64).to(run_.device));
+  RayOptions options;
+  options.training = true;
+  if (stage_.random_background && run_.counters.step >= kRandomBackgroundDelay) {
+    options.background = torch::rand_like(batch.target);
+  }
+  options.surface = stage_.lambda_ambient > 0 || run_.config.field.warp.enabled;
+  const RayResult result = run_.renderer->Render(
+      *run_.field, {batch.rays.origin, batch.rays.direction, batch.frame}, states, options);
+  *samples = result.samples;
+  std::map<std::string, torch::Tensor> losses;
+  losses["reconstruction"] = ReconstructionLoss(result.rgb, result.rgb_coarse, batch.target);
+  if (run_.config.field.warp.enabled && stage_.lambda_warp > 0) {
+    losses["warp"] = stage_.lambda_warp * WarpRegularisation(result.x_observed, result.x_canonical, result.depth_valid);
+  }
+  if (run_.stage == FieldStage::kPretrain && stage_.lambda_ambient > 0) {
+    losses["ambient"] = stage_.lambda_ambient * AmbientRegularisation(result.ambient, result.depth_valid);
+  }
+  if (stage_.lambda_distortion > 0) {
+    losses["distortion"] = stage_.lambda_distortion * DistortionLoss(result.sample_weights, result.interval_center,
+                                                                     result.interval_length).mean();
+  }
+  AddKeyPointLosses(states, &losses);
+  return losses;
+}
+
+std::map<std::string, double> Trainer::Step() {
+  RunCounters& counters = run_.counters;
+  run_.field->SetStep(counters.step);
+  if (counters.step % run_.config.render.occupancy_update_every == 0) {
+    const torch::NoGradGuard no_grad;
+    run_.renderer->UpdateOccupancy(
+        *run_.field, run_.field->States(torch::arange(rays_.cameras().size(), torch::kInt64).to(run_.device)));
+  }
+  int64_t samples = 0;
+  const std::map<std::string, torch::Tensor> losses = Losses(&samples);
+  torch::Tensor total;
+  std::map<std::string, double> values;
+  for (const auto& [name, loss] : losses) {
+    total = total.defined() ? total + loss : loss;
+    values[name] = loss.item<double>();
+  }
+  adam_.ZeroGrad();
+  total.backward();
+  const double rate = ExponentialSchedule(stage_.learning_rate, stage_.final_learning_rate, Progress());
+  if (guard_.Accept(values, adam_.Gradients())) adam_.Step(rate);
+  ++counters.step;
+  counters.rays += stage_.rays_per_step;
+  counters.samples += samples;
+  return values;
+}
+
+std::optional<double> Trainer::Measure() {
+  run_.field->eval();
+  const std::optional<double> psnr = held_out_.Psnr(*run_.field, *run_.renderer);
+  run_.field->train();
+  return psnr;
+}
+
+void Trainer::Log(const std::map<std::string, double>& losses, std::optional<double> psnr) {
+  const RunCounters& counters = run_.counters;
+  MetricsRow row;
+  row.seconds_training = counters.seconds_training;
+  row.seconds_total = counters.seconds_total;
+  row.step = counters.step;
+  row.rays = counters.rays;
+  row.samples = counters.samples;
+  row.losses = losses;
+  row.held_out_psnr = psnr;
+  log_->Append(row);
+}
+
+void Trainer::Save() {
+  std::map<std::string, torch::Tensor> extra;
+  for (const auto& [name, tensor] : adam_.State()) extra["adam." + name] = tensor;
+  extra["generator"] = at::detail::getDefaultCPUGenerator().get_state();
+  SaveRun(run_, folder_, extra);
+}
+
+void Trainer::Train() {
+  RunCounters& counters = run_.counters;
+  log_.emplace(folder_ / "metrics.csv", counters.step);
+  const bool pretrain = run_.stage == FieldStage::kPretrain;
+  editnerf::Progress bar(pretrain ? "pretraining" : "training", 1.0);
+  const double total_before = counters.seconds_total;
+  Stopwatch total, training;
+  training.Pause();
+  double training_before = counters.seconds_training;
+  std::string note;
+  while (Progress() < 1) {
+    training.Resume();
+    const std::map<std::string, double> losses = Step();
+    training.Pause();
+    counters.seconds_training = training_before + training.Seconds();
+    counters.seconds_total = total_before + total.Seconds();
+    const bool last = Progress() >= 1;
+    const bool measure = stage_.evaluate_every > 0 && (counters.step % stage_.evaluate_every == 0 || last);
+    if (measure || counters.step % stage_.log_every == 0 || last) {
+      std::optional<double> psnr;
+      if (measure) psnr = Measure();
+      if (psnr) note = fmt::format("held out {:.2f} dB", *psnr);
+      Log(losses, psnr);
+    }
+    bar.Update(Progress(), note);
+    if (InterruptRequested()) {
+      Save();
+      Throw<Interrupted>("interrupted at step {}; the checkpoint is written, continue with --resume", counters.step);
+    }
+    if (counters.step % stage_.checkpoint_every == 0 && !last) Save();
+  }
+  bar.Finish(note);
+  Save();
+}
+
+}  // namespace editnerf
