@@ -1,0 +1,30 @@
+#include "libeditnerf/field/slicing_network.h"
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/shape.h"
+
+namespace editnerf {
+
+SlicingNetworkImpl::SlicingNetworkImpl(const SlicingNetworkConfig& config, int64_t code_dim)
+    : code_dim_(code_dim), encoding_(3, config.num_octaves), mlp_(nullptr) {
+  if (code_dim < 1) Throw<ConfigError>("slicing network: code_dim: expected 1 or more, found {}", code_dim);
+  if (config.ambient_dim < 1) {
+    Throw<ConfigError>("slicing network: ambient_dim: expected 1 or more, found {}", config.ambient_dim);
+  }
+  MlpOptions options;
+  options.in = encoding_.output_dim() + code_dim;
+  options.depth = config.depth;
+  options.width = config.width;
+  options.skip_layer = config.skip_layer;
+  options.out = config.ambient_dim;
+  options.output_init = LayerInit::Normal(config.output_init);
+  mlp_ = register_module("mlp", Mlp(options));
+}
+
+torch::Tensor SlicingNetworkImpl::forward(const torch::Tensor& x_observed, const torch::Tensor& warp_code) {
+  CheckShape(x_observed, {kAny, 3}, "x_observed");
+  CheckShape(warp_code, {x_observed.size(0), code_dim_}, "warp_code");
+  return mlp_->forward(torch::cat({encoding_.forward(x_observed), warp_code}, -1));
+}
+
+}  // namespace editnerf

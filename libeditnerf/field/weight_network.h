@@ -1,0 +1,36 @@
+// Which key points govern a canonical point, and by how much.
+//
+// EditableNeRF (Zheng et al., CVPR 2023), eq. (2):
+//   w(x') = softmax(W(gamma(x')))        w^i > 0, sum_i w^i = 1
+// With one key point the weights are identically 1: do not build this module. The output layer starts at nearly zero,
+// so that training starts at equal weights.
+#pragma once
+
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
+
+#include <cstdint>
+
+#include "libeditnerf/config/field_config.h"
+#include "libeditnerf/field/mlp.h"
+#include "libeditnerf/field/positional_encoding.h"
+
+namespace editnerf {
+
+class WeightNetworkImpl : public torch::nn::Module {
+ public:
+  // num_key_points N >= 2; throws ConfigError.
+  WeightNetworkImpl(const WeightNetworkConfig& config, int64_t num_key_points);
+
+  // x_canonical [..., 3], scene units -> weights [..., N]; same dtype and device. Throws ShapeError unless the last
+  // dimension is 3.
+  torch::Tensor forward(const torch::Tensor& x_canonical);
+
+ private:
+  PositionalEncoding encoding_;
+  Mlp mlp_;
+};
+TORCH_MODULE(WeightNetwork);
+
+}  // namespace editnerf
