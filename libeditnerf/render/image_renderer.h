@@ -1,0 +1,36 @@
+// Whole images of a field, without gradients, in chunks of rays so that memory stays bounded.
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+
+#include "libeditnerf/geometry/camera.h"
+#include "libeditnerf/render/ray_renderer.h"
+
+namespace editnerf {
+
+struct ImageOptions {
+  int64_t chunk = 8192;                           // rays at a time
+  torch::TensorOptions tensor = torch::kFloat32;  // type and device of the rays: those of the field
+  torch::Tensor background;                       // [3]; undefined: as RayRenderer does without one
+};
+
+// Outputs that the field does not have are undefined. All lie on the field's device.
+struct RenderedImage {
+  torch::Tensor rgb;          // [H, W, 3]
+  torch::Tensor opacity;      // [H, W]
+  torch::Tensor depth;        // [H, W], distance along the ray in scene units; NaN where there is no surface
+  torch::Tensor depth_valid;  // [H, W] bool
+  torch::Tensor x_canonical;  // [H, W, 3], at the surface; without meaning where there is none, as all that follows
+  torch::Tensor ambient;      // [H, W, A]
+  torch::Tensor weights;      // [H, W, N], of the key points
+  int64_t samples = 0;        // field evaluations with colour
+};
+
+// The image of `camera` (scene units) in the one state of `states` (tables of one row). The same samples are taken
+// however the image is cut into chunks. Ctrl-C is looked at between chunks: throws Interrupted.
+RenderedImage RenderImage(RadianceField& field, RayRenderer& renderer, const Camera& camera, const FrameStates& states,
+                          const ImageOptions& options = {});
+
+}  // namespace editnerf
