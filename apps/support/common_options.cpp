@@ -19,6 +19,12 @@ void ApplyOverrides(Config& config, const std::vector<std::string>& overrides) {
   if (!overrides.empty()) ValidateConfig(config, "--set");
 }
 
+// What CLI11 does for --version, which ends the line itself.
+[[noreturn]] void PrintAndExit(std::string text) {
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  throw CLI::CallForVersion(text, 0);
+}
+
 torch::Device ResolveDevice(const std::string& name) {
   if (name == "cpu") return torch::kCPU;
   if (torch::cuda::is_available()) return torch::kCUDA;
@@ -63,12 +69,11 @@ void CommonFlags::AddTo(CLI::App& app) {
   app.add_flag("--quiet", quiet_, "warnings and errors alone")->excludes(verbose)->group(kGroup);
   // Options are looked at in the order of these lines, and before it is checked that nothing required is missing.
   app.add_flag_callback(
-         "--print-config", [this] { throw CLI::CallForVersion(ToYaml(LoadedConfig()), 0); },
+         "--print-config", [this] { PrintAndExit(ToYaml(LoadedConfig())); },
          "print the configuration that would be used, and exit")
       ->group(kGroup);
   app.add_flag_callback(
-         "--print-config-reference", [] { throw CLI::CallForVersion(ConfigReference(), 0); },
-         "print docs/configuration.md, and exit")
+         "--print-config-reference", [] { PrintAndExit(ConfigReference()); }, "print docs/configuration.md, and exit")
       ->group("");
 }
 

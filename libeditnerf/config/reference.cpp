@@ -26,8 +26,23 @@ std::string RangeText(const Setting& setting) {
   return "any";
 }
 
+// Text between the bars of a Markdown table.
+std::string Cell(const std::string& text) {
+  std::string cell;
+  for (const char c : text) {
+    if (c == '<' || c == '|' || c == '*') cell += '\\';
+    cell += c;
+  }
+  return cell;
+}
+
+std::string Capitalized(std::string text) {
+  if (!text.empty() && text[0] >= 'a' && text[0] <= 'z') text[0] = static_cast<char>(text[0] - 'a' + 'A');
+  return text;
+}
+
 void WriteGroup(const Setting& group, std::string& text) {
-  text += fmt::format("\n## {}\n\n{}.\n", group.path, group.doc);
+  text += fmt::format("\n## {}\n\n{}.\n", group.path, Capitalized(group.doc));
   const auto is_value = [](const Setting& child) { return !child.is_group(); };
   if (std::any_of(group.children.begin(), group.children.end(), is_value)) {
     text += "\n| key | type | default | values | meaning |\n|---|---|---|---|---|\n";
@@ -35,7 +50,7 @@ void WriteGroup(const Setting& group, std::string& text) {
   for (const Setting& child : group.children) {
     if (child.is_group()) continue;
     text += fmt::format("| `{}` | {} | {} | {} | {} |\n", child.path, TypeText(child), ValueText(child),
-                        RangeText(child), child.doc);
+                        RangeText(child), Cell(child.doc));
   }
   for (const Setting& child : group.children)
     if (child.is_group()) WriteGroup(child, text);
