@@ -12,7 +12,7 @@ using Pattern = Texture::Pattern;
 constexpr int kNumKeys = 5;
 constexpr double kPitch = 0.27, kKeyHalfWidth = 0.13, kKeyTop = 0.32, kKeyThickness = 0.09;
 constexpr double kKeyFront = -0.42, kKeyPivot = 0.24;  // along y; a key turns about its far end
-constexpr double kBallRadius = 0.17;
+constexpr double kBallRadius = 0.18;
 constexpr double kPressed = kKeyTop + kBallRadius - 0.07;  // height of the ball's centre
 
 double KeyX(int key) { return (key - 0.5 * (kNumKeys - 1)) * kPitch; }
@@ -31,9 +31,9 @@ double KeyAngle(int key, const Vec3& ball) {
 Body Hammer() {
   const Material stick = {{Pattern::kWood, {0.45, 0.26, 0.10}, {0.80, 0.58, 0.30}, 0.03, 3}, 0.15, 30};
   const Pose along = {RotationY(0.42) * RotationX(0.25), {}};
-  Shape shaft = Frustum(0.045, 0.035, 0.80, stick);
-  Shape grip = Frustum(0.06, 0.06, 0.24, {{Pattern::kStripes, {0.9, 0.8, 0.2}, {0.15, 0.15, 0.3}, 0.07, 4}}, {0, 0, 0.60});
-  Shape end = Sphere(0.075, {{Pattern::kClouds, {0.1, 0.3, 0.5}, {0.4, 0.7, 0.9}, 0.05, 5}, 0.3, 50}, {0, 0, 0.86});
+  Shape shaft = Frustum(0.055, 0.045, 0.70, stick);
+  Shape grip = Frustum(0.07, 0.07, 0.22, {{Pattern::kStripes, {0.9, 0.8, 0.2}, {0.15, 0.15, 0.3}, 0.07, 4}}, {0, 0, 0.50});
+  Shape end = Sphere(0.085, {{Pattern::kClouds, {0.1, 0.3, 0.5}, {0.4, 0.7, 0.9}, 0.05, 5}, 0.3, 50}, {0, 0, 0.74});
   for (Shape* shape : {&shaft, &grip, &end}) shape->object_from_shape = along * shape->object_from_shape;
   Body hammer;
   hammer.name = "hammer";
@@ -77,7 +77,7 @@ Track Melody() {
     int key;
     double y, raised;
   };
-  const Stroke strokes[] = {{2, -0.20, 0.72}, {0, -0.28, 0.80}, {1, -0.10, 0.66}, {4, -0.25, 0.95},
+  const Stroke strokes[] = {{2, -0.20, 0.72}, {0, -0.28, 0.80}, {1, -0.10, 0.66}, {4, -0.25, 0.90},
                             {3, -0.10, 0.70}, {2, -0.20, 0.72}, {0, -0.28, 0.85}};
   const double length = 1.0 / 7;
   Track track;
@@ -117,7 +117,8 @@ Play KeysPlay() {
     }
     return poses;
   };
-  play.camera.focus = {0, 0.05, 0.5};
+  play.camera.focus = {0, 0.05, 0.62};
+  play.camera.distance = 4.25;
   return play;
 }
 

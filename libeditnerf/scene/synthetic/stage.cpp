@@ -17,8 +17,8 @@ Body Still(std::vector<Shape> shapes, const Vec3& place, double turn) {
 }  // namespace
 
 Body Studio(const Vec3& floor_color, const Vec3& wall_color) {
-  const Texture floor = {Texture::Pattern::kMosaic, floor_color * 0.55, floor_color * 1.1, 0.13, 101, 0.35};
-  const Texture wall = {Texture::Pattern::kMosaic, wall_color * 0.6, wall_color * 1.15, 0.21, 102, 0.3};
+  const Texture floor = {Texture::Pattern::kMosaic, floor_color * 0.5, floor_color * 1.15, 0.12, 101, 0.3};
+  const Texture wall = {Texture::Pattern::kMosaic, wall_color * 0.5, wall_color * 1.1, 0.26, 102, 0.25};
   Shape backdrop = Frustum(kBackdropRadius, kBackdropRadius, 12, {wall, 0, 1});
   backdrop.inside_only = true;
   return {"", {Disk(0, 8, {floor, 0, 1}), backdrop}, false};

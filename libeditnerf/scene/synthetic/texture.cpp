@@ -73,8 +73,8 @@ Vec3 Mosaic(const Texture& texture, double u, double v) {
       }
     }
   }
-  const double joint = Step(std::sqrt(second) - std::sqrt(nearest) - 0.09, 0.05);
-  return ElementColor(texture, best_i, best_j) * (0.45 + 0.55 * joint);
+  const double joint = Step(std::sqrt(second) - std::sqrt(nearest) - 0.07, 0.06);
+  return ElementColor(texture, best_i, best_j) * (0.62 + 0.38 * joint);
 }
 
 // One disc of random place, size and colour per cell of a grid, on the first colour.
@@ -93,9 +93,8 @@ Vec3 Dots(const Texture& texture, double u, double v) {
 }  // namespace
 
 double HashUnit(uint64_t a, uint64_t b, uint64_t c, uint64_t d) {
-  uint64_t h = Mix(a + 0x9e3779b97f4a7c15ULL);
-  h = Mix(h ^ (b + 0x9e3779b97f4a7c15ULL));
-  h = Mix(h ^ (c * 0xd1342543de82ef95ULL + d * 0xaf251af3b0f025b5ULL + 1));
+  const uint64_t h = Mix(a * 0x9e3779b97f4a7c15ULL + b * 0xd1342543de82ef95ULL + c * 0xaf251af3b0f025b5ULL +
+                         d * 0xb564ef22ec7aece5ULL + 0x2545f4914f6cdd1dULL);
   return static_cast<double>(h >> 11) * 0x1.0p-53;
 }
 

@@ -9,9 +9,9 @@ namespace editnerf::synthetic {
 namespace {
 
 constexpr double kSurfaceOffset = 1e-6;   // world units; keeps rays from meeting the surface that they leave
-constexpr double kFlatContrast = 0.02;    // below this sRGB range four samples are enough
-constexpr int64_t kProbes = 4;            // samples of a pixel's first look
-constexpr int64_t kPenumbraRays = 4;      // shadow rays per sample where the light is partly hidden
+constexpr double kFlatContrast = 0.02;    // range of the (roughly) encoded brightness in a pixel without detail
+constexpr int64_t kFirstLookRays = 2;     // shadow rays per sample before it is known whether the light is partly hidden
+constexpr int64_t kPenumbraRays = 4;      // shadow rays per sample where it is
 constexpr double kTwoPi = 6.283185307179586;
 
 bool MeetsSphere(const Ray& ray, const Vec3& center, double radius) {
@@ -22,10 +22,7 @@ bool MeetsSphere(const Ray& ray, const Vec3& center, double radius) {
   return distance2 - along * along <= radius * radius;
 }
 
-Ray ToShape(const Pose& world_from_shape, const Ray& ray) {
-  const Mat3 back = world_from_shape.rotation.Transposed();
-  return {back * (ray.origin - world_from_shape.translation), back * ray.direction};
-}
+Ray Transformed(const Pose& pose, const Ray& ray) { return {pose * ray.origin, pose.rotation * ray.direction}; }
 
 double Fraction(double x) { return x - std::floor(x); }
 
@@ -45,7 +42,7 @@ PlacedStage::PlacedStage(const std::vector<Body>& bodies, const std::vector<Pose
     Group group = {{}, 0, static_cast<int>(placed_.size()), 0};
     for (const Shape& shape : bodies[b].shapes) {
       const Pose pose = world_from_object[b] * shape.object_from_shape;
-      placed_.push_back({&shape, pose, pose * shape.BoundingCenter(), shape.BoundingRadius() * (1 + 1e-9)});
+      placed_.push_back({&shape, pose.Inverse(), pose * shape.BoundingCenter(), shape.BoundingRadius() * (1 + 1e-9)});
     }
     group.end = static_cast<int>(placed_.size());
     for (int i = group.begin; i < group.end; ++i) group.center += placed_[i].center / (group.end - group.begin);
@@ -68,7 +65,7 @@ Hit PlacedStage::Trace(const Ray& ray) const {
     for (int i = group.begin; i < group.end; ++i) {
       const Placed& placed = placed_[i];
       if (!MeetsSphere(ray, placed.center, placed.radius)) continue;
-      const double distance = Intersect(*placed.shape, ToShape(placed.world_from_shape, ray), kSurfaceOffset);
+      const double distance = Intersect(*placed.shape, Transformed(placed.shape_from_world, ray), kSurfaceOffset);
       if (distance > 0 && distance < nearest.distance) nearest = {distance, static_cast<int>(g), i};
     }
   }
@@ -83,7 +80,7 @@ bool PlacedStage::Occluded(const Vec3& from, const Vec3& to) const {
     for (int i = group.begin; i < group.end; ++i) {
       const Placed& placed = placed_[i];
       if (placed.shape->inside_only || !MeetsSphere(ray, placed.center, placed.radius)) continue;
-      const double distance = Intersect(*placed.shape, ToShape(placed.world_from_shape, ray), kSurfaceOffset);
+      const double distance = Intersect(*placed.shape, Transformed(placed.shape_from_world, ray), kSurfaceOffset);
       if (distance > 0 && distance < length) return true;
     }
   }
@@ -97,8 +94,8 @@ Vec3 PlacedStage::Radiance(const Ray& ray, const ShadowRays& shadow_rays, double
   const Placed& placed = placed_[hit->shape];
   const Shape& shape = *placed.shape;
   const Vec3 point = ray.At(hit->distance);
-  const Vec3 local = ToShape(placed.world_from_shape, {point, ray.direction}).origin;
-  Vec3 normal = placed.world_from_shape.rotation * NormalAt(shape, local);
+  const Vec3 local = placed.shape_from_world * point;
+  Vec3 normal = placed.shape_from_world.rotation.Transposed() * NormalAt(shape, local);
   if (Dot(normal, ray.direction) > 0) normal = -normal;  // open surfaces have two sides
   const Vec3 albedo = Albedo(shape.material.texture, PlaceAt(shape, local));
 
@@ -131,8 +128,6 @@ View RenderView(const PlacedStage& stage, const Camera& camera, int64_t samples_
   view.rgb.resize(static_cast<size_t>(width * height * 3));
   view.depth.resize(static_cast<size_t>(width * height));
   view.body.resize(static_cast<size_t>(width * height));
-  // A pixel's first look: one sample in each row and each column of a 4 x 4 grid.
-  constexpr double kProbeAt[kProbes][2] = {{0.375, 0.125}, {0.875, 0.375}, {0.125, 0.625}, {0.625, 0.875}};
 
   const auto render_pixel = [&](int64_t x, int64_t y) {
     const auto index = static_cast<size_t>(y * width + x);
@@ -144,40 +139,34 @@ View RenderView(const PlacedStage& stage, const Camera& camera, int64_t samples_
     PlacedStage::ShadowRays shadow_rays;
     shadow_rays.shift[0] = HashUnit(noise_seed, index, 1);
     shadow_rays.shift[1] = HashUnit(noise_seed, index, 2);
-    const auto sample = [&](double dx, double dy, int64_t number, int64_t rays, double* lit, Hit* hit) {
-      shadow_rays.first = number * rays;
+    const auto sample = [&](double dx, double dy, int64_t rays, double* lit, Hit* hit) {
+      shadow_rays.first += shadow_rays.count;
       shadow_rays.count = rays;
       return Clamped(stage.Radiance({camera.position, camera.DirectionThrough(px + dx, py + dy)}, shadow_rays, lit, hit));
     };
 
+    // Sample k lies in row k % side; the first `side` samples take every row and every column once. They are the first
+    // look, after which a flat pixel is done.
     Vec3 sum;
-    int64_t count = 0;
+    int64_t rays = kFirstLookRays, count = 0;
     double low = 1e9, high = -1e9;
     bool penumbra = false, edge = false;
-    for (int64_t probe = 0; probe < kProbes; ++probe) {
+    while (count < side * side) {
+      const int64_t row = count % side;
+      const int64_t column = (2 * row + (side % 2 == 0 && 2 * row >= side ? 1 : 0) + count / side) % side;
       double lit;
       Hit hit;
-      const Vec3 color = sample(kProbeAt[probe][0], kProbeAt[probe][1], probe, kPenumbraRays, &lit, &hit);
-      const double tone = Encode((color.x + color.y + color.z) / 3);
+      const Vec3 color = sample((static_cast<double>(column) + 0.5) / static_cast<double>(side),
+                                (static_cast<double>(row) + 0.5) / static_cast<double>(side), rays, &lit, &hit);
+      sum += color;
+      if (++count > side) continue;
+      const double tone = std::sqrt((color.x + color.y + color.z) / 3);
       low = std::min(low, tone), high = std::max(high, tone);
       penumbra |= lit > 0.01 && lit < 0.99;
       edge |= hit.shape != center.shape;
-      sum += color;
-      ++count;
-    }
-    if (side * side > kProbes && (penumbra || edge || high - low > kFlatContrast)) {
-      sum = {};
-      count = 0;
-      for (int64_t row = 0; row < side; ++row) {
-        for (int64_t column = 0; column < side; ++column) {
-          double lit;
-          Hit hit;
-          const double dx = (static_cast<double>(column) + 0.5) / static_cast<double>(side);
-          const double dy = (static_cast<double>(row) + 0.5) / static_cast<double>(side);
-          sum += sample(dx, dy, count, penumbra ? kPenumbraRays : 1, &lit, &hit);
-          ++count;
-        }
-      }
+      if (count < side) continue;
+      if (!penumbra && !edge && high - low < kFlatContrast) break;
+      rays = penumbra ? kPenumbraRays : 1;
     }
     const Vec3 mean = sum / static_cast<double>(count);
     const double channels[3] = {mean.x, mean.y, mean.z};

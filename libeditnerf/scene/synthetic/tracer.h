@@ -21,8 +21,8 @@ struct Body {
 struct Light {
   Vec3 position, target;  // world
   double radius = 0.5;    // of the disk that faces the target
-  Vec3 color = {0.82, 0.79, 0.72};
-  Vec3 sky = {0.36, 0.38, 0.42}, ground = {0.20, 0.18, 0.16};  // ambient light from above and from below
+  Vec3 color = {0.98, 0.93, 0.82};
+  Vec3 sky = {0.25, 0.27, 0.32}, ground = {0.14, 0.125, 0.11};  // ambient light from above and from below
 };
 
 struct Hit {
@@ -44,7 +44,7 @@ class PlacedStage {
   // `first` of a low-discrepancy sequence shifted by `shift`. `lit` returns the fraction of them that saw the light, 0 or 1
   // where the surface faces away or nothing is near.
   struct ShadowRays {
-    int64_t first = 0, count = 4;
+    int64_t first = 0, count = 0;
     double shift[2] = {0, 0};
   };
   Vec3 Radiance(const Ray& ray, const ShadowRays& shadow_rays, double* lit, Hit* hit) const;
@@ -52,7 +52,7 @@ class PlacedStage {
  private:
   struct Placed {
     const Shape* shape;
-    Pose world_from_shape;
+    Pose shape_from_world;
     Vec3 center;
     double radius;
   };
