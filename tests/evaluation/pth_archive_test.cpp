@@ -1,0 +1,157 @@
+#include "libeditnerf/evaluation/pth_archive.h"
+
+#include <torch/torch.h>
+
+#include <limits>
+
+#include "libeditnerf/base/error.h"
+#include "tests/catch.h"
+#include "tests/evaluation/pickle_writer.h"
+#include "tests/shared_data.h"
+
+using namespace editnerf;
+using namespace editnerf::testing;
+using Catch::Matchers::Contains;
+
+namespace {
+
+const std::vector<float> kValues = {0, 1, 2, 3, 4, 5};
+
+std::string TwoTensors() {
+  const std::string storage = Storage("FloatStorage", "7", 6);
+  return DictPickle({{"whole", TensorOf(storage, 0, {2, 3}, {3, 1})}, {"column", TensorOf(storage, 1, {2}, {3})}});
+}
+
+std::string LegacyOf(const std::string& tensor) {
+  return LegacyFile(DictPickle({{"w", tensor}}), {{"7", StorageData(kValues)}});
+}
+
+std::string MessageFor(const std::string& content) {
+  const auto path = Scratch("hostile.pth", content);
+  try {
+    ReadPthArchive(path);
+  } catch (const DataError& error) {
+    CHECK_THAT(error.what(), Contains(path.string() + ": "));
+    return error.what();
+  }
+  return "no error";
+}
+
+}  // namespace
+
+TEST_CASE("weights are read from the legacy layout with their strides") {
+  const auto tensors = ReadPthArchive(Scratch("legacy.pth", LegacyFile(TwoTensors(), {{"7", StorageData(kValues)}})));
+  REQUIRE(tensors.size() == 2);
+  CHECK(torch::equal(tensors.at("whole"), torch::arange(6, torch::kFloat32).view({2, 3})));
+  CHECK(torch::equal(tensors.at("column"), torch::tensor({1.0f, 4.0f})));
+}
+
+TEST_CASE("weights are read from the zip layout") {
+  const std::string data = StorageData(kValues).substr(8);
+  const auto tensors =
+      ReadPthArchive(Scratch("zip.pth", StoredZip({{"archive/data.pkl", TwoTensors()}, {"archive/data/7", data}})));
+  REQUIRE(tensors.size() == 2);
+  CHECK(torch::equal(tensors.at("column"), torch::tensor({1.0f, 4.0f})));
+}
+
+TEST_CASE("ordered dicts of pairs, parameters and attributes are understood") {
+  const std::string tensor = TensorOf(Storage("FloatStorage", "7", 6), 0, {6}, {1});
+  const std::string parameter = Global("torch._utils", "_rebuild_parameter") + Tuple({tensor, "\x88", "N"}) + "R";
+  const std::string pair = "](" + Text("w") + parameter + "e";
+  const std::string dict = kProto + Global("collections", "OrderedDict") + Tuple({"](" + pair + "e"}) + "R" + "}" +
+                           Text("_metadata") + "}s" + "b.";
+  const auto tensors = ReadPthArchive(Scratch("ordered.pth", LegacyFile(dict, {{"7", StorageData(kValues)}})));
+  CHECK(torch::equal(tensors.at("w"), torch::arange(6, torch::kFloat32)));
+}
+
+TEST_CASE("a pickle that names a function is refused with the function's name, and nothing runs") {
+  const auto marker = std::filesystem::path(EDITNERF_BINARY_DIR) / "test_scratch" / "evaluation" / "ran";
+  const std::string call = Global("os", "system") + Tuple({Text("touch " + marker.string())}) + "R";
+  const std::string message = MessageFor(LegacyFile(DictPickle({{"w", call}}), {}));
+  CHECK_THAT(message, Contains("asks for 'os.system', which is not loaded; allowed are collections.OrderedDict"));
+  CHECK_FALSE(std::filesystem::exists(marker));
+  const std::string stacked = Text("posix") + Text("system") + "\x93" + Tuple({Text("true")}) + "R";
+  CHECK_THAT(MessageFor(StoredZip({{"a/data.pkl", DictPickle({{"w", stacked}})}})), Contains("asks for 'posix.system'"));
+  CHECK_THAT(MessageFor(LegacyFile(DictPickle({{"w", Global("torch", "FloatStorage") + ")R"}}), {})),
+             Contains("a call of 'torch.FloatStorage'"));
+}
+
+TEST_CASE("a file cut at any byte is refused") {
+  const std::string legacy = LegacyFile(TwoTensors(), {{"7", StorageData(kValues)}});
+  const std::string zip =
+      StoredZip({{"archive/data.pkl", TwoTensors()}, {"archive/data/7", StorageData(kValues).substr(8)}});
+  for (const std::string& whole : {legacy, zip}) {
+    for (size_t length = 0; length < whole.size(); length += 7) CHECK(MessageFor(whole.substr(0, length)) != "no error");
+    CHECK(MessageFor(whole.substr(0, whole.size() - 1)) != "no error");
+  }
+}
+
+TEST_CASE("lengths that the file does not hold are refused before memory is taken") {
+  const int64_t huge = std::numeric_limits<int64_t>::max();
+  const std::string storage = Storage("FloatStorage", "7", 6);
+  CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, 0, {7}, {1}))), Contains("reaches beyond its storage of 6 elements"));
+  CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, 5, {2}, {1}))), Contains("reaches beyond"));
+  CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, 0, {huge, huge, huge}, {huge, huge, huge}))), Contains("reaches beyond"));
+  CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, 0, {huge}, {0}))), Contains("reaches beyond"));
+  CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, huge, {0}, {1}))), Contains("begins beyond"));
+  CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, -1, {1}, {1}))), Contains("a tensor's offset: found -1"));
+  CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, 0, {2, 3}, {1}))), Contains("2 sizes and 1 strides"));
+
+  const std::string big = DictPickle({{"w", TensorOf(Storage("DoubleStorage", "7", huge), 0, {1}, {1})}});
+  CHECK_THAT(MessageFor(LegacyFile(big, {{"7", LittleEndian(static_cast<uint64_t>(huge), 8)}})),
+             Contains("storage '7' has 9223372036854775807 elements of 8 bytes, but 0 bytes are left"));
+  CHECK_THAT(MessageFor(StoredZip({{"a/data.pkl", big}, {"a/data/7", ""}})), Contains("but 0 bytes are left"));
+  CHECK_THAT(MessageFor(kMagic + kProto + "X" + LittleEndian(0xffffffff, 4)), Contains("4294967295 bytes expected, 0 left"));
+}
+
+TEST_CASE("inconsistent pickles are refused") {
+  const auto dict = [](const std::string& body) { return LegacyFile(kProto + body + ".", {}); };
+  CHECK_THAT(MessageFor(dict("h\x05")), Contains("memo 5 was never written"));
+  CHECK_THAT(MessageFor(dict("u")), Contains("no mark on the stack"));
+  CHECK_THAT(MessageFor(dict("")), Contains("the stack is empty"));
+  CHECK_THAT(MessageFor(dict("}K\x01s")), Contains("the stack is empty"));
+  CHECK_THAT(MessageFor(dict("}(K\x01u")), Contains("a key but no value"));
+  CHECK_THAT(MessageFor(dict("K\x01K\x02" "a")), Contains("found an integer, expected a list"));
+  CHECK_THAT(MessageFor(dict("i")), Contains("opcode 0x69"));
+  CHECK_THAT(MessageFor(dict("K\x01")), Contains("found an integer, expected a dict of tensors"));
+  CHECK_THAT(MessageFor(LegacyFile(DictPickle({{"epoch", Int(3)}}), {})), Contains("entry 'epoch' is an integer"));
+  CHECK_THAT(MessageFor(LegacyFile(TwoTensors(), {})), Contains("the data of 'whole' is missing"));
+  CHECK_THAT(MessageFor(LegacyFile(TwoTensors(), {{"8", ""}})), Contains("storage '8' belongs to no tensor"));
+  // A list that holds itself is only odd; a pickle that copies one list a thousand times over is an attack.
+  CHECK_THAT(MessageFor(dict("]q\x01h\x01" "a")), Contains("found a list, expected a dict of tensors"));
+  std::string copies = "](";
+  for (int i = 0; i < 50; ++i) copies += "K\x01K\x02\x86";
+  copies += "eq\x01";
+  for (int i = 0; i < 1000; ++i) copies += Global("collections", "OrderedDict") + "h\x01\x85R0";
+  CHECK_THAT(MessageFor(dict(copies)), Contains("more entries of ordered dicts than the file has bytes"));
+}
+
+TEST_CASE("other files and other zip archives are refused") {
+  CHECK_THAT(MessageFor("hello"), Contains("not a file written by torch.save"));
+  CHECK_THAT(MessageFor(StoredZip({{"a/b", "c"}})), Contains("without data.pkl"));
+  CHECK_THAT(MessageFor(StoredZip({{"a/data.pkl", "c"}}, 8)), Contains("'a/data.pkl' is compressed"));
+  CHECK_THAT(MessageFor(StoredZip({{"a/x", "c"}, {"a/x", "c"}})), Contains("two entries are called 'a/x'"));
+  CHECK_THAT(MessageFor(StoredZip({{"a/data.pkl", TwoTensors()}, {"a/byteorder", "big"}})), Contains("byte order 'big'"));
+  CHECK_THROWS_WITH(ReadPthArchive("/nowhere/w.pth"), "/nowhere/w.pth: no such file");
+}
+
+TEST_CASE("published weights are read whole") {
+  const auto shared = SharedData();
+  if (!shared) {
+    WARN("skipped: no shared data beside the checkout");
+    return;
+  }
+  const auto count = [&](const char* file, size_t num_tensors, int64_t num_parameters) {
+    const auto tensors = ReadPthArchive(*shared / "weights" / file);
+    CHECK(tensors.size() == num_tensors);
+    int64_t total = 0;
+    for (const auto& [name, tensor] : tensors) {
+      CHECK(torch::isfinite(tensor).all().item<bool>());
+      total += tensor.numel();
+    }
+    CHECK(total == num_parameters);
+  };
+  count("raft-small.pth", 106, 990162);
+  count("lpips-squeeze-backbone.pth", 50, 722496);
+  count("lpips-squeeze-linear-v0.1.pth", 7, 64 + 128 + 256 + 384 + 384 + 512 + 512);
+}
