@@ -1,0 +1,68 @@
+#include <mutex>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/shape.h"
+#include "libeditnerf/tracking/optical_flow.h"
+
+namespace editnerf {
+namespace {
+
+// OpenCV divides the patch search into as many stripes as it has threads, and the stripes' borders show in the flow.
+// One thread makes the result the same on every machine; the callers compute several pairs at once instead.
+class OneOpenCvThread {
+ public:
+  OneOpenCvThread() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (users_++ == 0) {
+      before_ = cv::getNumThreads();
+      cv::setNumThreads(1);
+    }
+  }
+  ~OneOpenCvThread() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (--users_ == 0) cv::setNumThreads(before_);
+  }
+  OneOpenCvThread(const OneOpenCvThread&) = delete;
+  OneOpenCvThread& operator=(const OneOpenCvThread&) = delete;
+
+ private:
+  static inline std::mutex mutex_;
+  static inline int users_ = 0;
+  static inline int before_ = 1;
+};
+
+constexpr int64_t kSmallestSide = 16;
+
+cv::Mat Gray(const torch::Tensor& image) {
+  const torch::Tensor contiguous = image.contiguous();
+  const cv::Mat color(static_cast<int>(image.size(0)), static_cast<int>(image.size(1)), CV_8UC3,
+                      contiguous.data_ptr<uint8_t>());
+  cv::Mat gray;
+  cv::cvtColor(color, gray, cv::COLOR_RGB2GRAY);
+  return gray;
+}
+
+}  // namespace
+
+torch::Tensor DisFlow::Flow(const torch::Tensor& from, const torch::Tensor& to) const {
+  CheckShape(from, {kAny, kAny, 3}, "first image");
+  CheckShape(to, {from.size(0), from.size(1), 3}, "second image");
+  if (from.scalar_type() != torch::kUInt8 || to.scalar_type() != torch::kUInt8) {
+    Throw<ShapeError>("optical flow: expected uint8 images, found {} and {}", c10::toString(from.scalar_type()),
+                      c10::toString(to.scalar_type()));
+  }
+  if (from.size(0) < kSmallestSide || from.size(1) < kSmallestSide) {
+    Throw<DataError>("optical flow: found images of {} x {} pixels, expected at least {} a side", from.size(1), from.size(0),
+                     kSmallestSide);
+  }
+  const OneOpenCvThread guard;
+  const cv::Ptr<cv::DISOpticalFlow> dis = cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
+  dis->setFinestScale(0);
+  cv::Mat flow;
+  dis->calc(Gray(from), Gray(to), flow);
+  return torch::from_blob(flow.data, {from.size(0), from.size(1), 2}, torch::kFloat32).clone();
+}
+
+}  // namespace editnerf

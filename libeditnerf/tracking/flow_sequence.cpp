@@ -1,0 +1,67 @@
+#include "libeditnerf/tracking/flow_sequence.h"
+
+#include <cmath>
+#include <mutex>
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/interrupt.h"
+#include "libeditnerf/base/parallel.h"
+#include "libeditnerf/base/progress.h"
+#include "libeditnerf/base/shape.h"
+#include "libeditnerf/tracking/map_lookup.h"
+
+namespace editnerf {
+
+torch::Tensor ForwardBackwardValid(const torch::Tensor& flow, const torch::Tensor& opposite) {
+  CheckShape(flow, {kAny, kAny, 2}, "flow");
+  CheckShape(opposite, {flow.size(0), flow.size(1), 2}, "opposite flow");
+  const torch::Tensor from = flow.contiguous(), back = opposite.contiguous();
+  const int64_t height = flow.size(0), width = flow.size(1);
+  torch::Tensor valid = torch::zeros({height, width}, torch::kBool);
+  const float* f = from.data_ptr<float>();
+  bool* out = valid.data_ptr<bool>();
+  for (int64_t row = 0; row < height; ++row) {
+    for (int64_t column = 0; column < width; ++column) {
+      const int64_t index = row * width + column;
+      const double du = f[2 * index], dv = f[2 * index + 1];
+      const Pixel target = {static_cast<double>(column) + 0.5 + du, static_cast<double>(row) + 0.5 + dv};
+      const FlowSample b = SampleFlow(back, {}, target);
+      if (!b.valid) continue;
+      const double eu = du + b.du, ev = dv + b.dv;
+      const double size = du * du + dv * dv + b.du * b.du + b.dv * b.dv;
+      out[index] = eu * eu + ev * ev <= 0.01 * size + 0.5;
+    }
+  }
+  return valid;
+}
+
+FlowSequence ComputeFlowSequence(const torch::Tensor& images, const OpticalFlow& flow) {
+  CheckShape(images, {kAny, kAny, kAny, 3}, "images");
+  const int64_t pairs = images.size(0) - 1, height = images.size(1), width = images.size(2);
+  if (pairs < 1) Throw<DataError>("optical flow: expected at least two training frames, found {}", images.size(0));
+  FlowSequence sequence;
+  sequence.forward = torch::empty({pairs, height, width, 2}, torch::kFloat32);
+  sequence.backward = torch::empty({pairs, height, width, 2}, torch::kFloat32);
+  sequence.forward_valid = torch::empty({pairs, height, width}, torch::kBool);
+  sequence.backward_valid = torch::empty({pairs, height, width}, torch::kBool);
+  Progress progress("optical flow", static_cast<double>(pairs));
+  std::mutex mutex;
+  int64_t done = 0;
+  ParallelFor(pairs, 1, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      if (InterruptRequested()) Throw<Interrupted>("interrupted during optical flow");
+      const torch::Tensor forward = flow.Flow(images[i], images[i + 1]);
+      const torch::Tensor backward = flow.Flow(images[i + 1], images[i]);
+      sequence.forward[i].copy_(forward);
+      sequence.backward[i].copy_(backward);
+      sequence.forward_valid[i].copy_(ForwardBackwardValid(forward, backward));
+      sequence.backward_valid[i].copy_(ForwardBackwardValid(backward, forward));
+      const std::lock_guard<std::mutex> lock(mutex);
+      progress.Update(static_cast<double>(++done));
+    }
+  });
+  progress.Finish();
+  return sequence;
+}
+
+}  // namespace editnerf

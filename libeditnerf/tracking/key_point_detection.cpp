@@ -1,0 +1,294 @@
+#include "libeditnerf/tracking/key_point_detection.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/interrupt.h"
+#include "libeditnerf/base/progress.h"
+#include "libeditnerf/tracking/motion_evidence.h"
+#include "libeditnerf/tracking/track_relation.h"
+
+namespace editnerf {
+namespace {
+
+constexpr size_t kCandidatesPerKeyPoint = 4;  // maxima examined for each key point that may be kept
+constexpr size_t kReferenceTrials = 4;        // reference frames tried for each candidate
+constexpr double kLeastMovingShare = 0.05;    // of the visible frames
+constexpr int64_t kLeastMovingFrames = 3;
+constexpr int64_t kLeastVisibleFrames = 4;
+constexpr double kLeastRange = 0.01;          // of the point's median distance from the camera
+constexpr double kNoiseFactor = 4;            // motion range over noise
+
+size_t At(int64_t i) { return static_cast<size_t>(i); }
+
+struct Start {
+  int64_t frame = 0;
+  Pixel pixel;
+  double distance = 0;  // scene units, of the surface
+  double motion = 0;    // evidence there
+};
+
+struct Candidate {
+  VolumeMaximum maximum;
+  Start start;
+  PixelTrack pixels;
+  PointTrack track;
+  TrackMotion motion;
+  std::string objection;  // why it is no key point of its own; empty for those that are
+};
+
+std::string Place(const Vec3& p) { return fmt::format("({:.3f}, {:.3f}, {:.3f})", p.x, p.y, p.z); }
+
+class Detector {
+ public:
+  Detector(const Scene& scene, const PretrainedMaps& maps, const FlowSequence& flows, const OpticalFlow& flow,
+           const DetectionConfig& config)
+      : clip_(MakeClip(scene, maps.depth, flows)), direct_(clip_, flow), config_(config), motion_(MeasureMotion(clip_)) {
+    options_.skip_interval = config.skip_interval;
+    options_.skip_max_error = config.skip_max_error * clip_.PixelScale();
+  }
+
+  // Empty when no frame sees the point on a surface.
+  std::optional<Candidate> Examine(const VolumeMaximum& maximum, double voxel_size) {
+    std::vector<Start> starts = Starts(maximum.point, voxel_size);
+    if (starts.empty()) return std::nullopt;
+    Candidate candidate;
+    candidate.maximum = maximum;
+    candidate.start = ChooseStart(std::move(starts));
+    candidate.pixels = Propagate(clip_, &direct_, candidate.start.frame, candidate.start.pixel, options_);
+    candidate.track = Lift(candidate.pixels);
+    candidate.motion = MeasureTrackMotion(candidate.track);
+    candidate.objection = Objection(candidate);
+    return candidate;
+  }
+
+  Vec3 Reference(const Candidate& candidate) const {
+    return clip_.Lift(candidate.start.frame, candidate.start.pixel, candidate.start.distance);
+  }
+
+ private:
+  // Frames in which the point lies on the surface, in time order.
+  std::vector<Start> Starts(const Vec3& point, double voxel_size) const {
+    std::vector<Start> starts;
+    for (int64_t t = 0; t < clip_.num_frames(); ++t) {
+      const Projected projected = Project(clip_.cameras[At(t)], point);
+      Start start = {t, {projected.u, projected.v}, 0, 0};
+      if (!projected.valid || !clip_.Inside(start.pixel)) continue;
+      const double phi = Norm(point - clip_.cameras[At(t)].position);
+      start.distance = LocalDepth(clip_.depth[At(t)], start.pixel, DepthRadius(clip_), phi);
+      // A voxel's centre lies up to half its diagonal from the surface points inside it.
+      if (!(std::abs(start.distance - phi) < std::max(config_.reference_delta * phi, voxel_size))) continue;
+      start.motion = motion_.At(t, start.pixel);
+      starts.push_back(start);
+    }
+    return starts;
+  }
+
+  Start ChooseStart(std::vector<Start> starts) const {
+    const Start first = starts.front();
+    std::stable_sort(starts.begin(), starts.end(), [](const Start& a, const Start& b) { return a.motion > b.motion; });
+    const int64_t apart = std::max<int64_t>(2, clip_.num_frames() / 16);
+    std::vector<Start> trials;
+    for (const Start& start : starts) {
+      if (start.motion < 1 || trials.size() == kReferenceTrials) break;
+      const bool near = std::any_of(trials.begin(), trials.end(),
+                                    [&](const Start& other) { return std::abs(other.frame - start.frame) < apart; });
+      if (!near) trials.push_back(start);
+    }
+    if (trials.empty()) return first;
+    Start best = trials.front();
+    int64_t most = -1;
+    for (const Start& trial : trials) {
+      const int64_t visible = Propagate(clip_, nullptr, trial.frame, trial.pixel, options_).CountVisible();
+      if (visible > most) {
+        most = visible;
+        best = trial;
+      }
+    }
+    return best;
+  }
+
+  // 3-D positions: on the surface where there is evidence, elsewhere along the pixel's ray at a distance interpolated
+  // in time (held before the first and after the last frame with evidence).
+  PointTrack Lift(const PixelTrack& pixels) const {
+    const int64_t frames = clip_.num_frames();
+    PointTrack track;
+    track.position.resize(At(frames));
+    track.visible.assign(At(frames), false);
+    int64_t before = -1;
+    for (int64_t t = 0; t <= frames; ++t) {
+      if (t < frames && !std::isfinite(pixels.distance[At(t)])) continue;
+      for (int64_t s = before + 1; s < t; ++s) {
+        double distance = 1;
+        if (before >= 0 || t < frames) {
+          const double a = pixels.distance[At(before >= 0 ? before : t)], b = pixels.distance[At(t < frames ? t : before)];
+          distance = a + (b - a) * static_cast<double>(s - before) / static_cast<double>(t - before);
+        }
+        track.position[At(s)] = clip_.Lift(s, pixels.pixel[At(s)], distance);
+      }
+      if (t < frames) {
+        track.position[At(t)] = clip_.Lift(t, pixels.pixel[At(t)], pixels.distance[At(t)]);
+        track.visible[At(t)] = true;
+      }
+      before = t;
+    }
+    HoldUnseenEnds(pixels, &track);
+    return track;
+  }
+
+  // Before the first and after the last visible frame the pixel is unknown, and the camera goes on: the scene point is
+  // held, not the pixel.
+  static void HoldUnseenEnds(const PixelTrack& pixels, PointTrack* track) {
+    const auto first = std::find(pixels.visible.begin(), pixels.visible.end(), true) - pixels.visible.begin();
+    const auto last = static_cast<int64_t>(pixels.visible.size()) - 1 -
+                      (std::find(pixels.visible.rbegin(), pixels.visible.rend(), true) - pixels.visible.rbegin());
+    for (int64_t t = 0; t < first; ++t) track->position[At(t)] = track->position[At(first)];
+    for (int64_t t = last + 1; t < static_cast<int64_t>(pixels.visible.size()); ++t)
+      track->position[At(t)] = track->position[At(last)];
+  }
+
+  std::string Objection(const Candidate& candidate) const {
+    int64_t moving = 0;
+    std::vector<double> distances;
+    for (int64_t t = 0; t < clip_.num_frames(); ++t) {
+      if (!candidate.track.visible[At(t)]) continue;
+      if (motion_.At(t, candidate.pixels.pixel[At(t)]) >= 1) ++moving;
+      distances.push_back(candidate.pixels.distance[At(t)]);
+    }
+    const auto seen = static_cast<int64_t>(distances.size());
+    if (seen < kLeastVisibleFrames) return fmt::format("its track is visible in {} frames only", seen);
+    if (moving < kLeastMovingFrames || static_cast<double>(moving) < kLeastMovingShare * static_cast<double>(seen)) {
+      return fmt::format("the surface there moves against the static scene in {} of {} frames only", moving, seen);
+    }
+    std::nth_element(distances.begin(), distances.begin() + seen / 2, distances.end());
+    const double least = std::max(kLeastRange * distances[At(seen / 2)], kNoiseFactor * candidate.motion.noise);
+    if (candidate.motion.range < least) {
+      return fmt::format("its track moves by {:.4f} scene units, less than {:.4f}, which noise explains",
+                         candidate.motion.range, least);
+    }
+    return "";
+  }
+
+  Clip clip_;
+  DirectFlows direct_;
+  const DetectionConfig& config_;
+  MotionEvidence motion_;
+  PropagationOptions options_;
+};
+
+// Objections to candidates that lie on the same part as a stronger one.
+void MergeDuplicates(std::vector<Candidate>* candidates, double merge_distance) {
+  for (size_t i = 0; i < candidates->size(); ++i) {
+    Candidate& weaker = (*candidates)[i];
+    for (size_t j = 0; j < i && weaker.objection.empty(); ++j) {
+      const Candidate& stronger = (*candidates)[j];
+      if (!stronger.objection.empty() || !SameRigidPart(stronger.track, weaker.track, merge_distance)) continue;
+      weaker.objection = fmt::format("it moves as one part with the stronger one at {}", Place(stronger.maximum.point));
+    }
+  }
+}
+
+// The candidates to keep, strongest first.
+std::vector<const Candidate*> Select(const std::vector<Candidate>& candidates, const DetectionConfig& config,
+                                     std::vector<std::string>* notes) {
+  std::vector<const Candidate*> kept;
+  const auto wanted = At(config.count > 0 ? config.count : config.max_count);
+  for (const Candidate& candidate : candidates) {
+    if (!candidate.objection.empty()) continue;
+    if (kept.size() < wanted) {
+      kept.push_back(&candidate);
+    } else {
+      notes->push_back(fmt::format("candidate at {} dropped: {} stronger key points are kept", Place(candidate.maximum.point),
+                                   wanted));
+    }
+  }
+  for (const Candidate& candidate : candidates) {
+    if (candidate.objection.empty()) continue;
+    const bool forced = config.count > 0 && kept.size() < wanted;
+    if (forced) kept.push_back(&candidate);
+    notes->push_back(fmt::format("candidate at {} {}: {}", Place(candidate.maximum.point),
+                                 forced ? "kept because the number of key points is given" : "dropped", candidate.objection));
+  }
+  if (config.count > 0 && kept.size() < wanted) {
+    Throw<ConfigError>("detection: detect.count asks for {} key points, but only {} places of the scene qualify; lower it, or "
+                       "lower detect.relative_threshold and detect.min_distance",
+                       config.count, kept.size());
+  }
+  return kept;
+}
+
+void Store(const std::vector<const Candidate*>& kept, const Detector& detector, int64_t frames, Detection* detection) {
+  const auto count = static_cast<int64_t>(kept.size());
+  detection->reference = torch::zeros({count, 3}, torch::kFloat32);
+  detection->tracks = torch::zeros({frames, count, 3}, torch::kFloat32);
+  detection->visible = torch::zeros({frames, count}, torch::kBool);
+  detection->score = torch::zeros({count}, torch::kFloat32);
+  const auto put = [](float* out, const Vec3& p) {
+    out[0] = static_cast<float>(p.x), out[1] = static_cast<float>(p.y), out[2] = static_cast<float>(p.z);
+  };
+  for (int64_t n = 0; n < count; ++n) {
+    const Candidate& candidate = *kept[At(n)];
+    put(detection->reference.data_ptr<float>() + 3 * n, detector.Reference(candidate));
+    detection->score[n] = candidate.maximum.value;
+    detection->reference_frame.push_back(candidate.start.frame);
+    detection->pixel_tracks.push_back(candidate.pixels);
+    for (int64_t t = 0; t < frames; ++t) {
+      put(detection->tracks.data_ptr<float>() + 3 * (t * count + n), candidate.track.position[At(t)]);
+      detection->visible.data_ptr<bool>()[t * count + n] = candidate.track.visible[At(t)];
+    }
+  }
+}
+
+torch::Tensor CanonicalPoints(const Scene& scene, const PretrainedMaps& maps) {
+  if (maps.x_canonical.defined()) return maps.x_canonical;
+  std::vector<torch::Tensor> points;
+  for (size_t t = 0; t < scene.train.size(); ++t)
+    points.push_back(SurfacePoints(scene.frames[At(scene.train[t])].camera, maps.depth[static_cast<int64_t>(t)]));
+  return torch::stack(points);
+}
+
+}  // namespace
+
+Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const FlowSequence& flows, const OpticalFlow& flow,
+                          const DetectionConfig& config) {
+  maps.Check(scene);
+  const auto frames = static_cast<int64_t>(scene.train.size());
+  Detection detection;
+  SurfaceVolumeOptions options;
+  options.resolution = config.volume_resolution;
+  options.min_observations = std::min(config.min_observations, frames);
+  options.smoothing = config.smoothing;
+  detection.volume = BuildSurfaceVolume(CanonicalPoints(scene, maps), maps.ambient, options);
+  detection.candidates = LocalMaxima(detection.volume, config.min_distance, config.relative_threshold);
+
+  Detector detector(scene, maps, flows, flow, config);
+  const size_t most = kCandidatesPerKeyPoint * At(std::max(config.count, config.max_count));
+  const size_t examined = std::min(detection.candidates.size(), most);
+  std::vector<Candidate> candidates;
+  Progress progress("key point candidates", static_cast<double>(std::max<size_t>(examined, 1)));
+  for (size_t i = 0; i < examined; ++i) {
+    if (InterruptRequested()) Throw<Interrupted>("interrupted during key point detection");
+    std::optional<Candidate> candidate = detector.Examine(detection.candidates[i], detection.volume.voxel_size);
+    if (candidate) {
+      candidates.push_back(std::move(*candidate));
+    } else {
+      detection.notes.push_back(fmt::format("candidate at {} dropped: no frame sees it on a surface",
+                                            Place(detection.candidates[i].point)));
+    }
+    progress.Update(static_cast<double>(i + 1));
+  }
+  progress.Finish();
+  MergeDuplicates(&candidates, config.merge_distance);
+  const std::vector<const Candidate*> kept = Select(candidates, config, &detection.notes);
+  Store(kept, detector, frames, &detection);
+  if (kept.empty()) {
+    detection.notes.push_back(fmt::format("no moving part found among {} candidates: the scene looks static", examined));
+  }
+  return detection;
+}
+
+}  // namespace editnerf

@@ -1,0 +1,26 @@
+// Which pixels move against the static scene.
+//
+// A pixel's surface point, taken from the depth map, projects into the frames around by the cameras alone; the flow says
+// where the pixel really went. The distance of the two, over up to a tenth of the sequence, is evidence of motion of its
+// own. Its noise (depth errors, camera errors) is measured per frame as the median over the image, most of which is
+// taken to be static.
+#pragma once
+
+#include <torch/types.h>
+
+#include "libeditnerf/tracking/clip.h"
+
+namespace editnerf {
+
+struct MotionEvidence {
+  torch::Tensor ratio;  // [T, rows, columns] float32, distance over the frame's threshold: >= 1 moves; NaN: unknown
+  int64_t cell = 4;     // pixels per cell, both axes
+
+  // Median of the 3 x 3 cells around a position, so that an edge in the depth map does not count; 0 if all are unknown.
+  double At(int64_t t, const Pixel& p) const;
+};
+
+// Threshold of frame t: max(0.75 pixels at 320 wide, 4 times the frame's median distance).
+MotionEvidence MeasureMotion(const Clip& clip);
+
+}  // namespace editnerf
