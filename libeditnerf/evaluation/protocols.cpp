@@ -3,7 +3,6 @@
 #include <torch/torch.h>
 
 #include <cmath>
-#include <map>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"
@@ -22,12 +21,6 @@ void CheckFrame(const Scene& scene, int64_t frame) {
   if (frame < 0 || frame >= static_cast<int64_t>(scene.frames.size())) {
     Throw<DataError>("{}: no frame {}, there are {}", scene.name, frame, scene.frames.size());
   }
-}
-
-int64_t WarpId(const Scene& scene, int64_t frame) {
-  const SceneFrame& found = scene.frames.at(static_cast<size_t>(frame));
-  if (found.warp_id < 0) Throw<DataError>("{}: metadata.json: frame {} has no warp_id", scene.name, found.id);
-  return found.warp_id;
 }
 
 }  // namespace
@@ -96,33 +89,6 @@ NearestFrame NearestTrainingFrame(const torch::Tensor& tracks, const torch::Tens
     if (values[t] < nearest.distance) nearest = {t, values[t]};
   }
   return nearest;
-}
-
-std::vector<HeldOutFrame> ClassifyHeldOutFrames(const Scene& scene) {
-  std::map<int64_t, int64_t> train_by_warp_id;  // the first training frame of each state
-  for (size_t i = 0; i < scene.train.size(); ++i) {
-    train_by_warp_id.emplace(WarpId(scene, scene.train[i]), static_cast<int64_t>(i));
-  }
-  std::vector<HeldOutFrame> held_out;
-  for (const int64_t frame : scene.val) {
-    const int64_t warp_id = WarpId(scene, frame);
-    const auto next = train_by_warp_id.lower_bound(warp_id);  // the first that is not earlier
-    HeldOutFrame result;
-    result.frame = frame;
-    result.is_known_state = next != train_by_warp_id.end() && next->first == warp_id;
-    if (result.is_known_state || next == train_by_warp_id.begin()) {
-      result.before = result.after = next->second;
-    } else if (next == train_by_warp_id.end()) {
-      result.before = result.after = std::prev(next)->second;
-    } else {
-      const auto previous = std::prev(next);
-      result.before = previous->second;
-      result.after = next->second;
-      result.blend = static_cast<double>(warp_id - previous->first) / static_cast<double>(next->first - previous->first);
-    }
-    held_out.push_back(result);
-  }
-  return held_out;
 }
 
 }  // namespace editnerf

@@ -46,16 +46,4 @@ struct NearestFrame {
 // The row of tracks [T, N, 3] (one per training frame) nearest to key_points [N, 3]; the first of equals. N >= 1.
 NearestFrame NearestTrainingFrame(const torch::Tensor& tracks, const torch::Tensor& key_points);
 
-// The training state shown in a validation frame: that of training frame `before` when blend is 0, otherwise
-// (1 - blend) of `before` and blend of `after`, by their warp ids, which count time.
-struct HeldOutFrame {
-  int64_t frame = 0;
-  bool is_known_state = false;  // reconstruction; else interpolation
-  int64_t before = 0, after = 0;  // train indices; equal for a known state, and beyond either end of the sequence
-  double blend = 0;               // in [0, 1)
-};
-
-// One per validation frame, in order. Throws DataError at a validation or training frame without a warp id.
-std::vector<HeldOutFrame> ClassifyHeldOutFrames(const Scene& scene);
-
 }  // namespace editnerf

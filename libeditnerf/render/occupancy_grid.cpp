@@ -10,7 +10,7 @@
 
 namespace editnerf {
 
-OccupancyBox BoxAroundRays(const torch::Tensor& origin, const torch::Tensor& direction, double near, double far,
+Box BoxAroundRays(const torch::Tensor& origin, const torch::Tensor& direction, double near, double far,
                            double margin) {
   CheckShape(origin, {kAny, 3}, "origin");
   CheckShape(direction, {origin.size(0), 3}, "direction");
@@ -24,7 +24,7 @@ OccupancyBox BoxAroundRays(const torch::Tensor& origin, const torch::Tensor& dir
   return {{l[0], l[1], l[2]}, {h[0], h[1], h[2]}};
 }
 
-OccupancyGrid::OccupancyGrid(const OccupancyBox& box, const OccupancyOptions& options) : options_(options) {
+OccupancyGrid::OccupancyGrid(const Box& box, const OccupancyOptions& options) : options_(options) {
   const Vec3 size = box.high - box.low;
   if (!(size.x > 0 && size.y > 0 && size.z > 0)) {
     Throw<ConfigError>("occupancy grid: expected a box with a volume, found sides {} x {} x {}", size.x, size.y,

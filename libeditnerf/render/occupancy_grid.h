@@ -15,16 +15,12 @@
 #include <cstdint>
 #include <functional>
 
-#include "libeditnerf/geometry/vec3.h"
+#include "libeditnerf/geometry/box.h"
 
 namespace editnerf {
 
-struct OccupancyBox {
-  Vec3 low, high;
-};
-
 // The box of everything between `near` and `far` along rays (origin, direction [R, 3]), grown by `margin` of its sides.
-OccupancyBox BoxAroundRays(const torch::Tensor& origin, const torch::Tensor& direction, double near, double far,
+Box BoxAroundRays(const torch::Tensor& origin, const torch::Tensor& direction, double near, double far,
                            double margin = 0.01);
 
 struct OccupancyOptions {
@@ -42,7 +38,7 @@ class OccupancyGrid : public torch::nn::Module {
   using DensityFunction = std::function<torch::Tensor(const torch::Tensor& x)>;
 
   // Throws ConfigError unless the box has a volume and the step is positive. Starts occupied everywhere.
-  OccupancyGrid(const OccupancyBox& box, const OccupancyOptions& options);
+  OccupancyGrid(const Box& box, const OccupancyOptions& options);
 
   // x [..., 3] -> bool [...]; false outside the box.
   torch::Tensor Occupied(const torch::Tensor& x) const;

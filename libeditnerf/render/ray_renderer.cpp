@@ -95,8 +95,8 @@ torch::Tensor DensityAt(RadianceField& field, const torch::Tensor& x, const torc
 
 }  // namespace
 
-RayRenderer::RayRenderer(const RenderConfig& config, double near, double far, const OccupancyBox& box,
-                         const std::optional<OccupancyBox>& local_box)
+RayRenderer::RayRenderer(const RenderConfig& config, double near, double far, const Box& box,
+                         const std::optional<Box>& local_box)
     : config_(config), near_(near), far_(far) {
   if (!(near >= 0 && near < far)) Throw<ConfigError>("renderer: near {}, far {}: expected 0 <= near < far", near, far);
   if (config.sampler != "hierarchical" && config.sampler != "occupancy") {

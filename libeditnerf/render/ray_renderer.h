@@ -59,8 +59,8 @@ class RayRenderer : public torch::nn::Module {
   // training cameras is a safe choice). `local_box` adds a second grid over x - p, for fields without warp and with one
   // key point: a sample is then evaluated only where both grids are occupied. The hierarchical sampler builds no grid.
   // Throws ConfigError for an unknown sampler or near >= far.
-  RayRenderer(const RenderConfig& config, double near, double far, const OccupancyBox& box,
-              const std::optional<OccupancyBox>& local_box = std::nullopt);
+  RayRenderer(const RenderConfig& config, double near, double far, const Box& box,
+              const std::optional<Box>& local_box = std::nullopt);
 
   RayResult Render(RadianceField& field, const RayBatch& rays, const FrameStates& states, const RayOptions& options);
 

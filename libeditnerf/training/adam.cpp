@@ -96,12 +96,10 @@ void Adam::ZeroGrad() {
   for (Slot& slot : slots_) slot.parameter.mutable_grad() = torch::Tensor();
 }
 
-std::vector<torch::Tensor> Adam::Gradients() const {
-  std::vector<torch::Tensor> gradients;
-  for (const Slot& slot : slots_) {
-    if (slot.parameter.grad().defined()) gradients.push_back(slot.parameter.grad());
-  }
-  return gradients;
+std::vector<std::pair<std::string, torch::Tensor>> Adam::parameters() const {
+  std::vector<std::pair<std::string, torch::Tensor>> parameters;
+  for (const Slot& slot : slots_) parameters.emplace_back(slot.name, slot.parameter);
+  return parameters;
 }
 
 std::map<std::string, torch::Tensor> Adam::State() const {

@@ -32,8 +32,8 @@ class Adam {
   void Step(double learning_rate);
   void ZeroGrad();
 
-  // Every gradient, for guards; undefined ones are left out.
-  std::vector<torch::Tensor> Gradients() const;
+  // All parameters by name, for guards.
+  std::vector<std::pair<std::string, torch::Tensor>> parameters() const;
 
   // Moments and step count under "first.NAME", "second.NAME" and "steps". Load throws CheckpointError naming what is
   // missing or has another shape.

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/base/file.h"
 #include "libeditnerf/base/interrupt.h"
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/progress.h"
@@ -57,8 +58,7 @@ Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision>
       folder_(std::move(folder)),
       rays_(scene, scene.train, run_.device),
       held_out_(scene, kHeldOutRays, run_.device),
-      adam_(Groups(*run_.field, stage_), OptionsOf(run_.config)),
-      guard_(StepGuardOptions{}) {
+      adam_(Groups(*run_.field, stage_), OptionsOf(run_.config)) {
   if (supervision_) {
     supervision_->flow = supervision_->flow.to(run_.device);
     supervision_->depth = supervision_->depth.to(run_.device);
@@ -73,30 +73,32 @@ void Trainer::Resume(const std::map<std::string, torch::Tensor>& extra) {
     if (name.rfind(prefix, 0) == 0) optimizer[name.substr(prefix.size())] = tensor;
   }
   adam_.LoadState(optimizer);
+  resumed_step_ = run_.counters.step;
   const auto generator = extra.find("generator");
   if (generator == extra.end()) Throw<CheckpointError>("checkpoint: the random generator's state is missing");
   at::detail::getDefaultCPUGenerator().set_state(generator->second);
 }
 
-double Trainer::Progress() const {
-  const double steps = static_cast<double>(run_.counters.step) / static_cast<double>(stage_.steps);
-  const double seconds = stage_.seconds > 0 ? run_.counters.seconds_training / stage_.seconds : 0.0;
-  return std::min(1.0, std::max(steps, seconds));
-}
+double Trainer::Progress() const { return StageProgress(stage_, run_.counters.step, run_.counters.seconds_training); }
 
-void Trainer::AddKeyPointLosses(const FrameStates& states, std::map<std::string, torch::Tensor>* losses) const {
-  if (!supervision_ || run_.field->num_key_points() == 0) return;
+void Trainer::AddKeyPointLosses(const FrameStates& states, NamedTensors* losses) const {
+  const int64_t frames = rays_.cameras().size();
+  if (!supervision_ || run_.field->num_key_points() == 0 || frames < 2) return;
+  FramePairs pairs;
+  pairs.frame = torch::arange(frames - 1, torch::kInt64).to(run_.device);
+  pairs.key_points = states.key_points.slice(0, 0, frames - 1);
+  pairs.key_points_next = states.key_points.slice(0, 1);
   if (stage_.lambda_motion > 0) {
-    (*losses)["motion"] = stage_.lambda_motion * MotionLoss(rays_.cameras(), states.key_points, supervision_->flow,
-                                                            stage_.reference_width);
+    losses->emplace_back("motion", stage_.lambda_motion * MotionLoss(rays_.cameras(), supervision_->flow, pairs,
+                                                                     stage_.reference_width));
   }
   if (stage_.lambda_geometry > 0) {
-    (*losses)["geometry"] =
-        stage_.lambda_geometry * GeometryLoss(rays_.cameras(), states.key_points, supervision_->depth);
+    losses->emplace_back("geometry",
+                         stage_.lambda_geometry * GeometryLoss(rays_.cameras(), supervision_->depth, pairs));
   }
 }
 
-std::map<std::string, torch::Tensor> Trainer::Losses(int64_t* samples) {
+NamedTensors Trainer::Losses(int64_t* samples) {
   const RayTargets batch = rays_.Sample(stage_.rays_per_step);
   const FrameStates states =
       run_.field->States(torch::arange(rays_.cameras().size(), torch::kInt64).to(run_.device));
@@ -109,17 +111,19 @@ std::map<std::string, torch::Tensor> Trainer::Losses(int64_t* samples) {
   const RayResult result = run_.renderer->Render(
       *run_.field, {batch.rays.origin, batch.rays.direction, batch.frame}, states, options);
   *samples = result.samples;
-  std::map<std::string, torch::Tensor> losses;
-  losses["reconstruction"] = ReconstructionLoss(result.rgb, result.rgb_coarse, batch.target);
+  NamedTensors losses;
+  losses.emplace_back("reconstruction", ReconstructionLoss(result.rgb, result.rgb_coarse, batch.target));
   if (run_.config.field.warp.enabled && stage_.lambda_warp > 0) {
-    losses["warp"] = stage_.lambda_warp * WarpRegularisation(result.x_observed, result.x_canonical, result.depth_valid);
+    losses.emplace_back(
+        "warp", stage_.lambda_warp * WarpRegularisation(result.x_observed, result.x_canonical, result.depth_valid));
   }
   if (run_.stage == FieldStage::kPretrain && stage_.lambda_ambient > 0) {
-    losses["ambient"] = stage_.lambda_ambient * AmbientRegularisation(result.ambient, result.depth_valid);
+    losses.emplace_back("ambient", stage_.lambda_ambient * AmbientRegularisation(result.ambient, result.depth_valid));
   }
   if (stage_.lambda_distortion > 0) {
-    losses["distortion"] = stage_.lambda_distortion * DistortionLoss(result.sample_weights, result.interval_center,
-                                                                     result.interval_length).mean();
+    const torch::Tensor distortion =
+        DistortionLoss(result.sample_weights, result.interval_center, result.interval_length);
+    losses.emplace_back("distortion", stage_.lambda_distortion * distortion.mean());
   }
   AddKeyPointLosses(states, &losses);
   return losses;
@@ -134,17 +138,20 @@ std::map<std::string, double> Trainer::Step() {
         *run_.field, run_.field->States(torch::arange(rays_.cameras().size(), torch::kInt64).to(run_.device)));
   }
   int64_t samples = 0;
-  const std::map<std::string, torch::Tensor> losses = Losses(&samples);
+  const NamedTensors losses = Losses(&samples);
   torch::Tensor total;
-  std::map<std::string, double> values;
-  for (const auto& [name, loss] : losses) {
-    total = total.defined() ? total + loss : loss;
-    values[name] = loss.item<double>();
-  }
+  for (const auto& [name, loss] : losses) total = total.defined() ? total + loss : loss;
   adam_.ZeroGrad();
   total.backward();
-  const double rate = ExponentialSchedule(stage_.learning_rate, stage_.final_learning_rate, Progress());
-  if (guard_.Accept(values, adam_.Gradients())) adam_.Step(rate);
+  const StepVerdict verdict = guard_.Check(losses, adam_.parameters());
+  if (verdict.take) {
+    adam_.Step(ExponentialSchedule(stage_.learning_rate, stage_.final_learning_rate, Progress()));
+  } else {
+    LogWarning("step {} skipped: not finite: {}", counters.step, verdict.not_finite);
+    if (verdict.roll_back) RollBack();
+  }
+  std::map<std::string, double> values;
+  for (size_t i = 0; i < losses.size(); ++i) values[losses[i].first] = verdict.losses[i];
   ++counters.step;
   counters.rays += stage_.rays_per_step;
   counters.samples += samples;
@@ -168,10 +175,29 @@ void Trainer::Log(const std::map<std::string, double>& losses, std::optional<dou
   row.samples = counters.samples;
   row.losses = losses;
   row.held_out_psnr = psnr;
+  if (!log_) {
+    std::vector<std::string> terms;
+    for (const auto& [name, value] : losses) terms.push_back(name);
+    log_.emplace(folder_ / "metrics.csv", terms, resumed_step_);
+  }
   log_->Append(row);
 }
 
+void Trainer::KeepGoodState() {
+  good_.clear();
+  for (const auto& item : run_.field->named_parameters()) good_.push_back(item.value().detach().clone());
+}
+
+void Trainer::RollBack() {
+  if (good_.empty()) Throw<Error>("training diverged at once; lower the learning rate (train.learning_rate)");
+  LogWarning("going back to the weights of the last checkpoint");
+  const torch::NoGradGuard no_grad;
+  size_t next = 0;
+  for (const auto& item : run_.field->named_parameters()) item.value().copy_(good_[next++]);
+}
+
 void Trainer::Save() {
+  KeepGoodState();
   std::map<std::string, torch::Tensor> extra;
   for (const auto& [name, tensor] : adam_.State()) extra["adam." + name] = tensor;
   extra["generator"] = at::detail::getDefaultCPUGenerator().get_state();
@@ -180,7 +206,8 @@ void Trainer::Save() {
 
 void Trainer::Train() {
   RunCounters& counters = run_.counters;
-  log_.emplace(folder_ / "metrics.csv", counters.step);
+  MakeFolder(folder_);
+  log_.reset();
   const bool pretrain = run_.stage == FieldStage::kPretrain;
   editnerf::Progress bar(pretrain ? "pretraining" : "training", 1.0);
   const double total_before = counters.seconds_total;

@@ -34,11 +34,13 @@ class Trainer {
   const Run& run() const { return run_; }
 
  private:
-  std::map<std::string, torch::Tensor> Losses(int64_t* samples);
-  void AddKeyPointLosses(const FrameStates& states, std::map<std::string, torch::Tensor>* losses) const;
+  NamedTensors Losses(int64_t* samples);
+  void AddKeyPointLosses(const FrameStates& states, NamedTensors* losses) const;
   double Progress() const;  // in [0, 1], of steps or seconds
   std::optional<double> Measure();
   void Log(const std::map<std::string, double>& losses, std::optional<double> psnr);
+  void KeepGoodState();
+  void RollBack();
   void Save();
 
   Run run_;
@@ -51,6 +53,8 @@ class Trainer {
   Adam adam_;
   StepGuard guard_;
   std::optional<MetricsLog> log_;
+  std::optional<int64_t> resumed_step_;
+  std::vector<torch::Tensor> good_;  // the weights at the last checkpoint
 };
 
 }  // namespace editnerf

@@ -117,33 +117,3 @@ TEST_CASE("the nearest training frame is the one with the least mean square dist
   CHECK_THROWS_AS(NearestTrainingFrame(tracks, torch::zeros({3, 3})), ShapeError);
   CHECK_THROWS_AS(NearestTrainingFrame(torch::zeros({0, 2, 3}), key_points), ShapeError);
 }
-
-TEST_CASE("validation frames are reconstruction or interpolation by their warp ids") {
-  const auto frames = ClassifyHeldOutFrames(MakeScene({4, 2, 7, 13}));
-  REQUIRE(frames.size() == 4);
-  CHECK(frames[0].is_known_state);
-  CHECK(frames[0].frame == 3);
-  CHECK(frames[0].before == 1);
-  CHECK(frames[0].blend == 0);
-  CHECK_FALSE(frames[1].is_known_state);
-  CHECK(frames[1].before == 0);
-  CHECK(frames[1].after == 1);
-  CHECK(frames[1].blend == 0.5);
-  CHECK(frames[2].before == 1);
-  CHECK(frames[2].after == 2);
-  CHECK(frames[2].blend == 0.5);
-  CHECK_FALSE(frames[3].is_known_state);
-  CHECK(frames[3].before == 2);
-  CHECK(frames[3].after == 2);
-  CHECK(frames[3].blend == 0);
-  CHECK_THROWS_WITH(ClassifyHeldOutFrames(MakeScene({-1})), "hand-made: metadata.json: frame 3 has no warp_id");
-}
-
-TEST_CASE("a validation frame before the first training state takes the first") {
-  Scene scene = MakeScene({1});
-  scene.frames[0].warp_id = 2;
-  const auto frames = ClassifyHeldOutFrames(scene);
-  CHECK_FALSE(frames[0].is_known_state);
-  CHECK(frames[0].before == 0);
-  CHECK(frames[0].after == 0);
-}

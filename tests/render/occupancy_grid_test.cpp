@@ -12,7 +12,7 @@ using namespace editnerf;
 
 namespace {
 
-const OccupancyBox kBox{{-1, -1, -1}, {1, 1, 1}};
+const Box kBox{{-1, -1, -1}, {1, 1, 1}};
 
 OccupancyOptions SmallOptions() {
   OccupancyOptions options;

@@ -14,7 +14,7 @@ using namespace editnerf;
 namespace {
 
 constexpr double kRadius = 0.3, kDensity = 200;
-const OccupancyBox kBox{{-1.5, -1.5, -1.5}, {1.5, 1.5, 1.5}};
+const Box kBox{{-1.5, -1.5, -1.5}, {1.5, 1.5, 1.5}};
 
 RenderConfig ConfigFor(const std::string& sampler) {
   RenderConfig config;
@@ -143,7 +143,7 @@ TEST_CASE("every ray is rendered in its own state, and a moving part stays visib
   const auto states = BallStates(torch::tensor({{-0.5, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.5, 0.0, 0.0}}, torch::kFloat64));
   auto rays = ParallelRays(torch::tensor({{-0.5, 0.0}, {0.0, 0.0}, {0.5, 0.0}, {-0.5, 0.0}}));
   rays.state = torch::tensor({0, 1, 2, 2}, torch::kInt64);
-  const std::optional<OccupancyBox> none, local = OccupancyBox{{-2, -2, -2}, {2, 2, 2}};
+  const std::optional<Box> none, local = Box{{-2, -2, -2}, {2, 2, 2}};
   for (const auto& local_box : {none, local}) {
     RayRenderer renderer(ConfigFor("occupancy"), 0.1, 2.1, kBox, local_box);
     torch::manual_seed(3);
@@ -155,7 +155,7 @@ TEST_CASE("every ray is rendered in its own state, and a moving part stays visib
 
 TEST_CASE("covering an edit's state makes a part visible where training never saw it") {
   BallField field(kRadius, kDensity);
-  RayRenderer renderer(ConfigFor("occupancy"), 0.1, 2.1, kBox, OccupancyBox{{-2, -2, -2}, {2, 2, 2}});
+  RayRenderer renderer(ConfigFor("occupancy"), 0.1, 2.1, kBox, Box{{-2, -2, -2}, {2, 2, 2}});
   torch::manual_seed(4);
   for (int update = 0; update < 20; ++update) renderer.UpdateOccupancy(field, kAtOrigin);
   const auto moved = BallStates(torch::tensor({{0.9, 0.0, 0.0}}, torch::kFloat64));

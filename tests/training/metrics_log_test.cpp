@@ -1,4 +1,4 @@
-#include "libeditnerf/evaluation/metrics_log.h"
+#include "libeditnerf/training/metrics_log.h"
 
 #include <cmath>
 #include <limits>
