@@ -1,4 +1,6 @@
 // enf-make-scene: writes a synthetic scene with exact ground truth as a scene folder.
+#include <fmt/ranges.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
@@ -17,7 +19,8 @@ namespace {
 void ParseSize(const std::string& text, editnerf::SyntheticOptions* options) {
   long long width = 0, height = 0;
   int used = 0;
-  if (std::sscanf(text.c_str(), "%lldx%lld%n", &width, &height, &used) != 2 || text.size() != static_cast<size_t>(used)) {
+  if (std::sscanf(text.c_str(), "%lldx%lld%n", &width, &height, &used) != 2 ||
+      text.size() != static_cast<size_t>(used)) {
     editnerf::Throw<editnerf::ConfigError>("--size: expected WIDTHxHEIGHT such as 320x180, found '{}'", text);
   }
   options->width = width;

@@ -65,8 +65,8 @@ Vec3 Apply(const torch::Tensor& matrix, const Vec3& p) {
 
 // How points of frame `from` with label `label`, carried by `carry`, are met by the depth map of frame `to`.
 struct Meeting {
-  int64_t same = 0;      // on the surface that `to` sees, and labelled alike
-  int64_t hidden = 0;    // behind it, or at an edge of the picture or of a surface
+  int64_t same = 0;        // on the surface that `to` sees, and labelled alike
+  int64_t hidden = 0;      // behind it, or at an edge of the picture or of a surface
   int64_t impossible = 0;  // in front of what `to` sees
 };
 
@@ -206,7 +206,8 @@ TEST_CASE("the moving parts of synthetic scenes are where their transforms carry
     int64_t same = 0, impossible = 0, moved = 0;
     for (int64_t frame = 0; frame + 1 < 16; ++frame) {
       const auto from = PoseOf(scene, frame, part.object), to = PoseOf(scene, frame + 1, part.object);
-      const Meeting meeting = Carry(scene, frame, frame + 1, static_cast<int>(part.object) + 1, to.matmul(from.inverse()));
+      const Meeting meeting =
+          Carry(scene, frame, frame + 1, static_cast<int>(part.object) + 1, to.matmul(from.inverse()));
       same += meeting.same;
       impossible += meeting.impossible;
       moved += (to - from).abs().max().item<double>() > 1e-3 ? 1 : 0;
@@ -243,16 +244,16 @@ TEST_CASE("a key sinks exactly while the hammer presses it") {
   options.height = 9;
   options.val_frames = options.edit_frames = 0;
   const Scene scene = Make("keys", options);
-  REQUIRE(scene.truth->objects ==
-          std::vector<std::string>{"hammer", "key_0", "key_1", "key_2", "key_3", "key_4"});
+  REQUIRE(scene.truth->objects == std::vector<std::string>{"hammer", "key_0", "key_1", "key_2", "key_3", "key_4"});
   const auto poses = scene.truth->scene_from_object;
-  const auto height = poses.select(1, 0).select(1, 2).select(1, 3);          // of the hammer
-  const auto sunk = poses.slice(1, 1, 6).select(2, 2).select(2, 1).abs();    // sine of each key's angle, scaled
+  const auto height = poses.select(1, 0).select(1, 2).select(1, 3);        // of the hammer
+  const auto sunk = poses.slice(1, 1, 6).select(2, 2).select(2, 1).abs();  // sine of each key's angle, scaled
   const auto pressed = sunk.amax(1) > 1e-6;
   CHECK(pressed.any().item<bool>());
   CHECK_FALSE(pressed.all().item<bool>());
   CHECK((sunk.amax(0) > 1e-3).all().item<bool>());  // every key has its turn
-  CHECK(height.masked_select(pressed).max().item<double>() < height.masked_select(~pressed).min().item<double>() + 1e-9);
+  CHECK(height.masked_select(pressed).max().item<double>() <
+        height.masked_select(~pressed).min().item<double>() + 1e-9);
 }
 
 TEST_CASE("the cups lift off, move alone and together, and return to states they had") {

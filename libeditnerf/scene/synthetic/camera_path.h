@@ -8,11 +8,11 @@
 namespace editnerf::synthetic {
 
 struct CameraPathOptions {
-  Vec3 focus = {0, 0, 0.4};   // world, z up; the camera looks from -y towards it
-  double distance = 4.1;      // world units
-  double half_arc = 0.61;     // radians to each side
-  double elevation = 0.38;    // radians above the horizon, on average
-  double focal_widths = 1.15; // focal length over the image width
+  Vec3 focus = {0, 0, 0.4};    // world, z up; the camera looks from -y towards it
+  double distance = 4.1;       // world units
+  double half_arc = 0.61;      // radians to each side
+  double elevation = 0.38;     // radians above the horizon, on average
+  double focal_widths = 1.15;  // focal length over the image width
   int64_t width = 0, height = 0;
   uint64_t seed = 0;
 };

@@ -45,9 +45,10 @@ Body Cup(const char* name, const Texture& outside, const Vec3& inside, double ha
 Play CupsPlay() {
   Play play;
   play.bodies = {
-      Cup("cup_left", {Pattern::kDots, {0.70, 0.10, 0.08}, {0.95, 0.88, 0.70}, 0.11, 3, 0.25}, {0.85, 0.78, 0.62},
-          -2.6, 4),
-      Cup("cup_right", {Pattern::kChecker, {0.08, 0.30, 0.55}, {0.75, 0.85, 0.88}, 0.10, 6}, {0.55, 0.68, 0.72}, -0.5, 7),
+      Cup("cup_left", {Pattern::kDots, {0.70, 0.10, 0.08}, {0.95, 0.88, 0.70}, 0.11, 3, 0.25}, {0.85, 0.78, 0.62}, -2.6,
+          4),
+      Cup("cup_right", {Pattern::kChecker, {0.08, 0.30, 0.55}, {0.75, 0.85, 0.88}, 0.10, 6}, {0.55, 0.68, 0.72}, -0.5,
+          7),
       Studio({0.50, 0.42, 0.30}, {0.44, 0.36, 0.44}),
       Vase({0.0, 0.75, 0}, 0.22, 0.7, {Pattern::kStripes, {0.2, 0.45, 0.25}, {0.85, 0.85, 0.6}, 0.09, 12}),
       Ball({0.05, -0.75, 0}, 0.13, {Pattern::kMosaic, {0.9, 0.7, 0.1}, {0.7, 0.3, 0.1}, 0.07, 13, 0.5}),
@@ -57,13 +58,34 @@ Play CupsPlay() {
               left_far = {-0.50, 0.25, 0.38};
   const State right_home = {0.56, 0.18, 0}, right_front = {0.86, -0.28, 0}, right_up = {0.56, 0.18, 0.50},
               right_near = {0.48, -0.30, 0.32};
-  play.tracks = {
-      {{0.00, left_home}, {0.04, left_home}, {0.12, left_up}, {0.16, left_up}, {0.24, left_back}, {0.38, left_back},
-       {0.46, left_home}, {0.50, left_home}, {0.58, left_far}, {0.61, left_far}, {0.69, left_back}, {0.80, left_back},
-       {0.88, left_up}, {0.91, left_up}, {0.99, left_home}},
-      {{0.00, right_home}, {0.14, right_home}, {0.23, right_front}, {0.28, right_front}, {0.36, right_up},
-       {0.40, right_up}, {0.48, right_home}, {0.63, right_home}, {0.70, right_near}, {0.74, right_near},
-       {0.82, right_front}, {0.86, right_front}, {0.95, right_home}}};
+  play.tracks = {{{0.00, left_home},
+                  {0.04, left_home},
+                  {0.12, left_up},
+                  {0.16, left_up},
+                  {0.24, left_back},
+                  {0.38, left_back},
+                  {0.46, left_home},
+                  {0.50, left_home},
+                  {0.58, left_far},
+                  {0.61, left_far},
+                  {0.69, left_back},
+                  {0.80, left_back},
+                  {0.88, left_up},
+                  {0.91, left_up},
+                  {0.99, left_home}},
+                 {{0.00, right_home},
+                  {0.14, right_home},
+                  {0.23, right_front},
+                  {0.28, right_front},
+                  {0.36, right_up},
+                  {0.40, right_up},
+                  {0.48, right_home},
+                  {0.63, right_home},
+                  {0.70, right_near},
+                  {0.74, right_near},
+                  {0.82, right_front},
+                  {0.86, right_front},
+                  {0.95, right_home}}};
   play.poses = [](const State& state) {
     return std::vector<Pose>{{{}, {state[0], state[1], state[2]}}, {{}, {state[3], state[4], state[5]}}};
   };

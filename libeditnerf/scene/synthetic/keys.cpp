@@ -1,5 +1,5 @@
-// A ball on a stick that moves in all three dimensions and presses the keys of a small piano. A key sinks where the ball
-// touches it, so that the hammer's place alone decides the state of everything.
+// A ball on a stick that moves in all three dimensions and presses the keys of a small piano. A key sinks where the
+// ball touches it, so that the hammer's place alone decides the state of everything.
 #include <algorithm>
 
 #include "libeditnerf/scene/synthetic/stage.h"
@@ -32,14 +32,16 @@ Body Hammer() {
   const Material stick = {{Pattern::kWood, {0.45, 0.26, 0.10}, {0.80, 0.58, 0.30}, 0.03, 3}, 0.15, 30};
   const Pose along = {RotationY(0.42) * RotationX(0.25), {}};
   Shape shaft = Frustum(0.055, 0.045, 0.70, stick);
-  Shape grip = Frustum(0.07, 0.07, 0.22, {{Pattern::kStripes, {0.9, 0.8, 0.2}, {0.15, 0.15, 0.3}, 0.07, 4}}, {0, 0, 0.50});
+  Shape grip =
+      Frustum(0.07, 0.07, 0.22, {{Pattern::kStripes, {0.9, 0.8, 0.2}, {0.15, 0.15, 0.3}, 0.07, 4}}, {0, 0, 0.50});
   Shape end = Sphere(0.085, {{Pattern::kClouds, {0.1, 0.3, 0.5}, {0.4, 0.7, 0.9}, 0.05, 5}, 0.3, 50}, {0, 0, 0.74});
   for (Shape* shape : {&shaft, &grip, &end}) shape->object_from_shape = along * shape->object_from_shape;
   Body hammer;
   hammer.name = "hammer";
   hammer.moves = true;
-  hammer.shapes = {Sphere(kBallRadius, {{Pattern::kMosaic, {0.75, 0.12, 0.10}, {0.95, 0.45, 0.15}, 0.09, 6, 0.5}, 0.3, 50}),
-                   shaft, grip, end};
+  hammer.shapes = {
+      Sphere(kBallRadius, {{Pattern::kMosaic, {0.75, 0.12, 0.10}, {0.95, 0.45, 0.15}, 0.09, 6, 0.5}, 0.3, 50}), shaft,
+      grip, end};
   return hammer;
 }
 
@@ -77,18 +79,18 @@ Track Melody() {
     int key;
     double y, raised;
   };
-  const Stroke strokes[] = {{2, -0.20, 0.72}, {0, -0.28, 0.80}, {1, -0.10, 0.66}, {4, -0.25, 0.90},
-                            {3, -0.10, 0.70}, {2, -0.20, 0.72}, {0, -0.28, 0.85}};
-  const double length = 1.0 / 7;
+  const Stroke strokes[] = {{2, -0.20, 0.72}, {0, -0.28, 0.82}, {1, -0.10, 0.66},
+                            {3, -0.26, 0.90}, {4, -0.12, 0.70}, {2, -0.20, 0.72}};
+  const double length = 1.0 / 6;
   Track track;
   double begin = 0;
   for (const Stroke& stroke : strokes) {
     const double x = KeyX(stroke.key);
     const State raised = {x, stroke.y, stroke.raised}, pressed = {x, stroke.y, kPressed};
-    track.push_back({begin + 0.10 * length, raised});
-    track.push_back({begin + 0.34 * length, pressed});
-    track.push_back({begin + 0.46 * length, pressed});
-    track.push_back({begin + 0.68 * length, raised});
+    track.push_back({begin + 0.08 * length, raised});
+    track.push_back({begin + 0.36 * length, pressed});
+    track.push_back({begin + 0.42 * length, pressed});
+    track.push_back({begin + 0.70 * length, raised});
     begin += length;
   }
   return track;
@@ -104,7 +106,8 @@ Play KeysPlay() {
        {Case(), Studio({0.52, 0.40, 0.34}, {0.34, 0.48, 0.46}),
         Ball({-1.15, 0.25, 0}, 0.2, {Pattern::kChecker, {0.15, 0.3, 0.6}, {0.85, 0.85, 0.8}, 0.1, 41}),
         Vase({1.15, 0.5, 0}, 0.22, 0.62, {Pattern::kDots, {0.25, 0.5, 0.3}, {0.95, 0.85, 0.6}, 0.08, 42, 0.4}),
-        Block({1.0, -0.55, 0}, {0.17, 0.12, 0.06}, 0.4, {Pattern::kStripes, {0.6, 0.2, 0.2}, {0.9, 0.8, 0.6}, 0.06, 43}),
+        Block({1.0, -0.55, 0}, {0.17, 0.12, 0.06}, 0.4,
+              {Pattern::kStripes, {0.6, 0.2, 0.2}, {0.9, 0.8, 0.6}, 0.06, 43}),
         Cone({-0.95, -0.6, 0}, 0.13, 0.34, {Pattern::kStripes, {0.85, 0.65, 0.15}, {0.5, 0.15, 0.4}, 0.07, 44})}) {
     play.bodies.push_back(body);
   }

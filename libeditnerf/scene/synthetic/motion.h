@@ -16,13 +16,13 @@ struct Keyframe {
 // One part's parameters over time; at least one key frame. Parts move independently of each other.
 using Track = std::vector<Keyframe>;
 
-// All tracks' parameters, one after the other. A track eases out of every key frame and into the next one, rests between
-// two equal ones, and stands still before the first and after the last.
+// All tracks' parameters, one after the other. A track eases out of every key frame and into the next one, rests
+// between two equal ones, and stands still before the first and after the last.
 State StateAt(const std::vector<Track>& tracks, double time);
 
-// `count` states that none of `visited` (which follow the tracks) is close to: each part lies on a line between two states
-// that it visited, parts are combined freely, and of many candidates the one farthest from all visited and chosen states
-// wins.
+// `count` states that none of `visited` (which follow the tracks) is close to: each part lies on a line between two
+// states that it visited, parts are combined freely, and of many candidates the one farthest from all visited and
+// chosen states wins.
 std::vector<State> UnseenStates(const std::vector<State>& visited, const std::vector<Track>& tracks, int64_t count,
                                 uint64_t seed);
 

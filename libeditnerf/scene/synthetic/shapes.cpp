@@ -122,7 +122,7 @@ Vec3 NormalAt(const Shape& shape, const Vec3& point) {
       return Normalized(point);
     case Shape::Kind::kFrustum: {
       const double slope = (shape.size.y - shape.size.x) / shape.size.z;
-      return Normalized({point.x, point.y, -slope * std::hypot(point.x, point.y)});
+      return Normalized({point.x, point.y, -slope * std::sqrt(point.x * point.x + point.y * point.y)});
     }
     case Shape::Kind::kDisk:
       break;

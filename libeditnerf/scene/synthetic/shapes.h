@@ -35,7 +35,7 @@ struct Ray {
   Vec3 At(double distance) const { return origin + direction * distance; }
 };
 
-// Distance along `ray` (shape coordinates) to the nearest point of the surface beyond `closest` (> 0); negative if none.
+// Distance along `ray` (shape coordinates) to the nearest point of the surface beyond `closest` (> 0); negative: none.
 double Intersect(const Shape& shape, const Ray& ray, double closest);
 
 // At a point of the surface, in shape coordinates: the outward unit normal, and where the texture is looked up.

@@ -1,5 +1,6 @@
 #include "libeditnerf/scene/synthetic/synthetic_scene.h"
 
+#include <fmt/ranges.h>
 #include <torch/torch.h>
 
 #include <algorithm>
@@ -18,7 +19,7 @@ using namespace synthetic;
 // cameras themselves stay within about one scene unit.
 const SceneTransform kTransform = {0.23, {0.21, -0.47, 0.63}, 0, 0};
 constexpr double kDepthMargin = 0.05;  // of near and far, relative
-constexpr int64_t kPointsPerFrame = 40;
+constexpr uint64_t kPointsPerFrame = 40;
 constexpr uint64_t kEditCameras = 100000;  // numbers of novel cameras that validation frames do not use
 
 struct NamedPlay {
@@ -53,7 +54,9 @@ std::vector<Shot> PlanShots(const Play& play, const SyntheticOptions& options) {
   path.width = options.width;
   path.height = options.height;
   path.seed = options.seed;
-  const auto time_of = [&](int64_t frame) { return static_cast<double>(frame) / static_cast<double>(options.frames - 1); };
+  const auto time_of = [&](int64_t frame) {
+    return static_cast<double>(frame) / static_cast<double>(options.frames - 1);
+  };
   std::vector<Shot> shots;
   std::vector<State> visited;
   for (int64_t frame = 0; frame < options.frames; ++frame) {
@@ -62,8 +65,8 @@ std::vector<Shot> PlanShots(const Play& play, const SyntheticOptions& options) {
   }
   for (int64_t k = 0; k < options.val_frames; ++k) {
     const int64_t frame = (2 * k + 1) * options.frames / (2 * options.val_frames);
-    shots.push_back({visited[static_cast<size_t>(frame)],
-                     NovelCamera(path, time_of(frame), static_cast<uint64_t>(k)), frame});
+    shots.push_back(
+        {visited[static_cast<size_t>(frame)], NovelCamera(path, time_of(frame), static_cast<uint64_t>(k)), frame});
   }
   if (play.tracks.empty()) return shots;
   const std::vector<State> unseen = UnseenStates(visited, play.tracks, options.edit_frames, options.seed);
@@ -87,6 +90,19 @@ void StorePose(const Pose& world_from_object, double* matrix) {
   matrix[15] = 1;
 }
 
+// Appends points of static surfaces that a camera (scene units) sees through random pixels.
+void SampleBackground(const Camera& camera, const float* depth, const uint8_t* mask, uint64_t seed,
+                      std::vector<float>* points) {
+  const auto pixels = static_cast<double>(camera.width * camera.height);
+  for (uint64_t k = 0; k < kPointsPerFrame; ++k) {
+    const auto i = static_cast<int64_t>(HashUnit(seed, k, 61) * pixels);
+    if (mask[i] != 0 || !std::isfinite(depth[i])) continue;
+    const auto x = static_cast<double>(i % camera.width), y = static_cast<double>(i / camera.width);
+    const Vec3 point = camera.position + camera.DirectionThrough(x + 0.5, y + 0.5) * depth[i];
+    for (const double value : {point.x, point.y, point.z}) points->push_back(static_cast<float>(value));
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> SyntheticSceneNames() {
@@ -97,7 +113,8 @@ std::vector<std::string> SyntheticSceneNames() {
 
 Scene MakeSyntheticScene(const std::string& name, const SyntheticOptions& options) {
   CheckOptions(options);
-  const auto found = std::find_if(std::begin(kPlays), std::end(kPlays), [&](const NamedPlay& p) { return name == p.name; });
+  const auto found =
+      std::find_if(std::begin(kPlays), std::end(kPlays), [&](const NamedPlay& known) { return name == known.name; });
   if (found == std::end(kPlays)) {
     Throw<ConfigError>("no synthetic scene is named '{}'; known are {}", name, fmt::join(SyntheticSceneNames(), ", "));
   }
@@ -118,6 +135,7 @@ Scene MakeSyntheticScene(const std::string& name, const SyntheticOptions& option
   truth.depth = torch::empty({count, height, width}, torch::kFloat32);
   truth.mask = torch::zeros({count, height, width}, torch::kUInt8);
 
+  double* matrices = truth.scene_from_object.data_ptr<double>();
   double nearest = std::numeric_limits<double>::infinity(), farthest = 0;
   std::vector<float> points;
   Progress progress("drawing " + name, static_cast<double>(count));
@@ -129,7 +147,8 @@ Scene MakeSyntheticScene(const std::string& name, const SyntheticOptions& option
     for (size_t b = 0, object = 0; b < play.bodies.size(); ++b) {
       if (!play.bodies[b].moves) continue;
       poses[b] = moving[object];
-      StorePose(poses[b], truth.scene_from_object.data_ptr<double>() + 16 * (f * num_objects + static_cast<int64_t>(object)));
+      StorePose(poses[b], matrices);
+      matrices += 16;
       label[b] = static_cast<uint8_t>(++object);
     }
     const PlacedStage stage(play.bodies, poses, play.light);
@@ -156,19 +175,12 @@ Scene MakeSyntheticScene(const std::string& name, const SyntheticOptions& option
     scene.frames.push_back(frame);
     (f < options.frames ? scene.train : shot.state_id >= 0 ? scene.val : scene.edit).push_back(f);
 
-    for (int64_t p = 0; p < kPointsPerFrame && f < options.frames; ++p) {
-      const auto i = static_cast<int64_t>(HashUnit(noise_seed, static_cast<uint64_t>(p), 61) * static_cast<double>(pixels));
-      if (mask[i] != 0 || !std::isfinite(depth[i])) continue;
-      const Camera& camera = frame.camera;
-      const Vec3 direction = camera.DirectionThrough(static_cast<double>(i % width) + 0.5, static_cast<double>(i / width) + 0.5);
-      const Vec3 point = camera.position + direction * (view.depth[static_cast<size_t>(i)] * kTransform.scale);
-      for (const double value : {point.x, point.y, point.z}) points.push_back(static_cast<float>(value));
-    }
+    if (f < options.frames) SampleBackground(frame.camera, depth, mask, noise_seed, &points);
     progress.Update(static_cast<double>(f + 1));
   }
   scene.transform.near = nearest * kTransform.scale * (1 - kDepthMargin);
   scene.transform.far = farthest * kTransform.scale * (1 + kDepthMargin);
-  scene.points = torch::tensor(points).view({-1, 3});
+  scene.points = torch::tensor(points).view({static_cast<int64_t>(points.size() / 3), 3});
   scene.truth = std::move(truth);
   scene.Check();
   return scene;

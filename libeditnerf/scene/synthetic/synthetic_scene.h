@@ -11,17 +11,18 @@
 namespace editnerf {
 
 struct SyntheticOptions {
-  int64_t frames = 120;          // training frames, >= 2: one monocular sequence in time order
-  int64_t val_frames = 16;       // object states of training frames, seen from new cameras
-  int64_t edit_frames = 16;      // object states that no training frame shows; none in a scene where nothing moves
+  int64_t frames = 120;               // training frames, >= 2: one monocular sequence in time order
+  int64_t val_frames = 16;            // object states of training frames, seen from new cameras
+  int64_t edit_frames = 16;           // object states that no training frame shows; none in a scene where nothing moves
   int64_t width = 320, height = 180;  // pixels, >= 8
-  int64_t samples_per_side = 4;  // antialiasing grid per pixel side, 1..16; flat pixels take fewer
-  uint64_t seed = 0;             // of the camera's wandering, the edits and the shadows' noise
+  int64_t samples_per_side = 4;       // antialiasing grid per pixel side, 1..16; flat pixels take fewer
+  uint64_t seed = 0;                  // of the camera's wandering, the edits and the shadows' noise
 };
 
 // "hinge": a chest whose lid turns on a hinge; object "lid".
-// "keys": a ball on a stick moves in all three dimensions and presses the keys of a small piano; "hammer", "key_0".."key_4".
-// "cups": two cups that slide and lift off the ground independently; "cup_left", "cup_right".
+// "keys": a ball on a stick moves in all three dimensions and presses the keys of a small piano; objects "hammer",
+//   "key_0" .. "key_4".
+// "cups": two cups that slide and lift off the ground independently; objects "cup_left", "cup_right".
 // "static": nothing moves; no objects.
 std::vector<std::string> SyntheticSceneNames();
 

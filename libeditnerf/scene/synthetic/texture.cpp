@@ -13,7 +13,23 @@ uint64_t Mix(uint64_t x) {  // SplitMix64's finaliser
   return x ^ (x >> 31);
 }
 
-uint64_t Cell(double position) { return static_cast<uint64_t>(static_cast<int64_t>(std::floor(position))); }
+// Multipliers of a hash's words; far apart, so that neighbouring cells share nothing.
+constexpr uint64_t kWord[4] = {0x9e3779b97f4a7c15ULL, 0xd1342543de82ef95ULL, 0xaf251af3b0f025b5ULL,
+                               0xb564ef22ec7aece5ULL};
+
+uint64_t Combined(uint64_t a, uint64_t b, uint64_t c, uint64_t d) {
+  return a * kWord[0] + b * kWord[1] + c * kWord[2] + d * kWord[3] + 0x2545f4914f6cdd1dULL;
+}
+
+double ToUnit(uint64_t combined) { return static_cast<double>(Mix(combined) >> 11) * 0x1.0p-53; }
+
+// Without the library call that std::floor is on baseline x86.
+int64_t Floor(double x) {
+  const auto truncated = static_cast<int64_t>(x);
+  return truncated - (x < static_cast<double>(truncated) ? 1 : 0);
+}
+
+uint64_t Cell(double position) { return static_cast<uint64_t>(Floor(position)); }
 
 Vec3 Lerp(const Vec3& a, const Vec3& b, double t) { return a + (b - a) * t; }
 
@@ -24,13 +40,15 @@ double Step(double x, double width) { return Smooth(std::clamp(0.5 + 0.5 * x / w
 
 // Trilinear value noise in [0, 1].
 double ValueNoise(const Vec3& p, uint64_t seed) {
-  const double fx = std::floor(p.x), fy = std::floor(p.y), fz = std::floor(p.z);
-  const double tx = Smooth(p.x - fx), ty = Smooth(p.y - fy), tz = Smooth(p.z - fz);
+  const int64_t ix = Floor(p.x), iy = Floor(p.y), iz = Floor(p.z);
+  const double tx = Smooth(p.x - static_cast<double>(ix)), ty = Smooth(p.y - static_cast<double>(iy));
+  const double tz = Smooth(p.z - static_cast<double>(iz));
+  const uint64_t base = Combined(seed, static_cast<uint64_t>(ix), static_cast<uint64_t>(iy), static_cast<uint64_t>(iz));
   double sum = 0;
-  for (int corner = 0; corner < 8; ++corner) {
-    const int dx = corner & 1, dy = (corner >> 1) & 1, dz = corner >> 2;
+  for (uint64_t corner = 0; corner < 8; ++corner) {
+    const uint64_t dx = corner & 1, dy = (corner >> 1) & 1, dz = corner >> 2;
     const double weight = (dx ? tx : 1 - tx) * (dy ? ty : 1 - ty) * (dz ? tz : 1 - tz);
-    sum += weight * HashUnit(seed, Cell(fx + dx), Cell(fy + dy), Cell(fz + dz));
+    sum += weight * ToUnit(base + dx * kWord[1] + dy * kWord[2] + dz * kWord[3]);
   }
   return sum;
 }
@@ -54,15 +72,15 @@ Vec3 ElementColor(const Texture& texture, uint64_t i, uint64_t j) {
   return Lerp(blend, Vec3{0.08, 0.08, 0.08} + own * 0.75, texture.colorful * HashUnit(texture.seed + 15, i, j));
 }
 
-// Irregular tiles: the nearest of one random seed per grid cell decides the colour, the gap to the second one the joint.
+// Irregular tiles: the nearest of one random seed per grid cell decides the colour, the gap to the second the joint.
 Vec3 Mosaic(const Texture& texture, double u, double v) {
   double nearest = 1e9, second = 1e9;
   uint64_t best_i = 0, best_j = 0;
   for (int dj = -1; dj <= 1; ++dj) {
     for (int di = -1; di <= 1; ++di) {
       const uint64_t i = Cell(u + di), j = Cell(v + dj);
-      const double x = std::floor(u) + di + HashUnit(texture.seed + 1, i, j) - u;
-      const double y = std::floor(v) + dj + HashUnit(texture.seed + 2, i, j) - v;
+      const double x = static_cast<double>(Floor(u) + di) + HashUnit(texture.seed + 1, i, j) - u;
+      const double y = static_cast<double>(Floor(v) + dj) + HashUnit(texture.seed + 2, i, j) - v;
       const double distance = x * x + y * y;
       if (distance < nearest) {
         second = nearest;
@@ -92,11 +110,7 @@ Vec3 Dots(const Texture& texture, double u, double v) {
 
 }  // namespace
 
-double HashUnit(uint64_t a, uint64_t b, uint64_t c, uint64_t d) {
-  const uint64_t h = Mix(a * 0x9e3779b97f4a7c15ULL + b * 0xd1342543de82ef95ULL + c * 0xaf251af3b0f025b5ULL +
-                         d * 0xb564ef22ec7aece5ULL + 0x2545f4914f6cdd1dULL);
-  return static_cast<double>(h >> 11) * 0x1.0p-53;
-}
+double HashUnit(uint64_t a, uint64_t b, uint64_t c, uint64_t d) { return ToUnit(Combined(a, b, c, d)); }
 
 Vec3 Albedo(const Texture& texture, const SurfacePlace& place) {
   const double u = place.u / texture.scale, v = place.v / texture.scale;
@@ -128,8 +142,7 @@ Vec3 Albedo(const Texture& texture, const SurfacePlace& place) {
       break;
     }
     case Texture::Pattern::kClouds:
-      color = Lerp(texture.first, texture.second,
-                   Smooth(std::clamp(2 * Clouds(p, texture.seed, 4) - 0.5, 0.0, 1.0)));
+      color = Lerp(texture.first, texture.second, Smooth(std::clamp(2 * Clouds(p, texture.seed, 4) - 0.5, 0.0, 1.0)));
       break;
     case Texture::Pattern::kDots:
       color = Dots(texture, u, v);

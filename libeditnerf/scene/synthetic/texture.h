@@ -11,10 +11,10 @@ namespace editnerf::synthetic {
 struct Texture {
   enum class Pattern { kPlain, kChecker, kStripes, kWood, kClouds, kDots, kMosaic };
   Pattern pattern = Pattern::kPlain;
-  Vec3 first, second;    // linear RGB albedo in [0, 1]
-  double scale = 0.1;    // size of one element, world units
-  uint64_t seed = 0;     // where the pattern is cut from
-  double colorful = 0;   // how far the elements of kDots and kMosaic stray from the two colours, 0..1
+  Vec3 first, second;   // linear RGB albedo in [0, 1]
+  double scale = 0.1;   // size of one element, world units
+  uint64_t seed = 0;    // where the pattern is cut from
+  double colorful = 0;  // how far the elements of kDots and kMosaic stray from the two colours, 0..1
 };
 
 // A place on a surface: the point itself and an unrolled position on its face, both in world units.

@@ -8,10 +8,10 @@
 namespace editnerf::synthetic {
 namespace {
 
-constexpr double kSurfaceOffset = 1e-6;   // world units; keeps rays from meeting the surface that they leave
-constexpr double kFlatContrast = 0.02;    // range of the (roughly) encoded brightness in a pixel without detail
-constexpr int64_t kFirstLookRays = 2;     // shadow rays per sample before it is known whether the light is partly hidden
-constexpr int64_t kPenumbraRays = 4;      // shadow rays per sample where it is
+constexpr double kSurfaceOffset = 1e-6;  // world units; keeps rays from meeting the surface that they leave
+constexpr double kFlatContrast = 0.02;   // range of the (roughly) encoded brightness in a pixel without detail
+constexpr int64_t kFirstLookRays = 2;    // shadow rays per sample before it is known whether the light is partly hidden
+constexpr int64_t kPenumbraRays = 4;     // shadow rays per sample where it is
 constexpr double kTwoPi = 6.283185307179586;
 
 bool MeetsSphere(const Ray& ray, const Vec3& center, double radius) {
@@ -111,13 +111,13 @@ Vec3 PlacedStage::Radiance(const Ray& ray, const ShadowRays& shadow_rays, double
       const double number = static_cast<double>(shadow_rays.first + k);
       const double radius = std::sqrt(Fraction(shadow_rays.shift[0] + number * 0.7548776662466927));
       const double angle = kTwoPi * Fraction(shadow_rays.shift[1] + number * 0.5698402909980532);
-      const Vec3 lamp =
-          light_.position + light_u_ * (radius * std::cos(angle)) + light_v_ * (radius * std::sin(angle));
+      const Vec3 lamp = light_.position + light_u_ * (radius * std::cos(angle)) + light_v_ * (radius * std::sin(angle));
       if (!Occluded(from, lamp)) *lit += 1.0 / static_cast<double>(shadow_rays.count);
     }
     light += light_.color * (facing * *lit);
     const double gloss = Dot(normal, Normalized(to_lamp - ray.direction));
-    if (gloss > 0) highlight = light_.color * (shape.material.specular * std::pow(gloss, shape.material.shininess) * *lit);
+    if (gloss > 0)
+      highlight = light_.color * (shape.material.specular * std::pow(gloss, shape.material.shininess) * *lit);
   }
   return albedo * light + highlight;
 }
@@ -142,7 +142,8 @@ View RenderView(const PlacedStage& stage, const Camera& camera, int64_t samples_
     const auto sample = [&](double dx, double dy, int64_t rays, double* lit, Hit* hit) {
       shadow_rays.first += shadow_rays.count;
       shadow_rays.count = rays;
-      return Clamped(stage.Radiance({camera.position, camera.DirectionThrough(px + dx, py + dy)}, shadow_rays, lit, hit));
+      return Clamped(
+          stage.Radiance({camera.position, camera.DirectionThrough(px + dx, py + dy)}, shadow_rays, lit, hit));
     };
 
     // Sample k lies in row k % side; the first `side` samples take every row and every column once. They are the first

@@ -1,5 +1,5 @@
-// Draws a stage of rigid bodies: Lambert and a mild highlight under one round area light with soft shadows, hemispherical
-// ambient light, supersampling, and exact depth and masks through the pixel centres.
+// Draws a stage of rigid bodies: Lambert and a mild highlight under one round area light with soft shadows,
+// hemispherical ambient light, supersampling, and exact depth and masks through the pixel centres.
 #pragma once
 
 #include <cstdint>
@@ -40,13 +40,14 @@ class PlacedStage {
   Hit Trace(const Ray& ray) const;  // world
   bool Occluded(const Vec3& from, const Vec3& to) const;
 
-  // Linear radiance towards the ray's origin. `lamp` places the shadow rays: `count` points on the light starting at number
-  // `first` of a low-discrepancy sequence shifted by `shift`. `lit` returns the fraction of them that saw the light, 0 or 1
-  // where the surface faces away or nothing is near.
+  // Which points of the light are asked: `count` of them, from number `first` of a low-discrepancy sequence that is
+  // shifted by `shift` (in [0, 1)).
   struct ShadowRays {
     int64_t first = 0, count = 0;
     double shift[2] = {0, 0};
   };
+  // Linear radiance towards the ray's origin. `lit` returns the fraction of the shadow rays that saw the light, 0 on a
+  // surface that faces away; `hit` what the ray met.
   Vec3 Radiance(const Ray& ray, const ShadowRays& shadow_rays, double* lit, Hit* hit) const;
 
  private:
