@@ -228,7 +228,7 @@ void ApplyOverride(Config& config, const std::string& assignment, const std::str
     setting = child;
     begin = end + 1;
   }
-  const Place place = [&here](const YAML::Mark&) { return here; };
+  const Place place = [&here](const YAML::Mark&) { return std::string(here); };
   Reader(root, place).Read(Parse(assignment.substr(equals + 1), place), *setting);
   config = changed;
 }
