@@ -1,7 +1,7 @@
 // How close two images are: PSNR, SSIM, MS-SSIM.
 //
-// Images are [H, W, 3] floating point in [0, 1], on one device; all arithmetic is in double precision. A NaN in an image
-// makes the result NaN. Shapes that differ, or are not [H, W, 3], throw ShapeError.
+// Images are [H, W, 3] floating point in [0, 1], on one device; all arithmetic is in double precision. A NaN in an
+// image makes the result NaN. Shapes that differ, or are not [H, W, 3], throw ShapeError.
 #pragma once
 
 #include <torch/types.h>
@@ -22,11 +22,12 @@ double Psnr(const torch::Tensor& a, const torch::Tensor& b);
 // Empty where the mask is.
 std::optional<double> MaskedPsnr(const torch::Tensor& a, const torch::Tensor& b, const torch::Tensor& mask);
 
-// Structural similarity (Wang et al., "Image quality assessment: from error visibility to structural similarity", 2004):
+// Structural similarity (Wang et al., "Image quality assessment: from error visibility to structural similarity",
+// 2004):
 //   l = (2 mu_a mu_b + C1) / (mu_a^2 + mu_b^2 + C1)      cs = (2 sigma_ab + C2) / (sigma_a^2 + sigma_b^2 + C2)
-// with C1 = 0.01^2, C2 = 0.03^2, moments under an 11 x 11 Gaussian window of sigma 1.5 at the places where the window lies
-// inside the image; the mean of l cs over places and channels. 1 for identical images.
-// Throws ShapeError when a side is shorter than 11 pixels.
+// with C1 = 0.01^2, C2 = 0.03^2, moments under an 11 x 11 Gaussian window of sigma 1.5 at the places where the window
+// lies inside the image; the mean of l cs over places and channels. 1 for identical images. Throws ShapeError when a
+// side is shorter than 11 pixels.
 double Ssim(const torch::Tensor& a, const torch::Tensor& b);
 
 struct MsSsimResult {
@@ -35,10 +36,10 @@ struct MsSsimResult {
 };
 
 // Multi-scale SSIM (Wang, Simoncelli and Bovik, 2003): per channel, the product over scales of mean(cs)^w, the coarsest
-// scale with mean(l cs)^w; w = 0.0448, 0.2856, 0.3001, 0.2363, 0.1333. Negative means count as 0. Each scale halves the last by
-// 2 x 2 averages; where a side is odd, its last row or column is averaged alone. A scale whose shorter side is below 11
-// pixels is left out and the weights of the others are scaled to sum to 1: five scales need 161 pixels.
-// Throws ShapeError when a side is shorter than 11 pixels.
+// scale with mean(l cs)^w; w = 0.0448, 0.2856, 0.3001, 0.2363, 0.1333. Negative means count as 0. Each scale halves the
+// last by 2 x 2 averages; where a side is odd, its last row or column is averaged alone. A scale whose shorter side is
+// below 11 pixels is left out and the weights of the others are scaled to sum to 1: five scales need 161 pixels. Throws
+// ShapeError when a side is shorter than 11 pixels.
 MsSsimResult MsSsim(const torch::Tensor& a, const torch::Tensor& b);
 
 }  // namespace editnerf

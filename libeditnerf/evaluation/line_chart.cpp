@@ -65,16 +65,19 @@ std::string TextElement(double x, double y, const char* anchor, const std::strin
 }
 
 std::string Gridline(double x1, double y1, double x2, double y2) {
-  return fmt::format("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"currentColor\" "
-                     "stroke-opacity=\"0.15\"/>\n",
-                     x1, y1, x2, y2);
+  return fmt::format(
+      "<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"currentColor\" "
+      "stroke-opacity=\"0.15\"/>\n",
+      x1, y1, x2, y2);
 }
 
 std::string SeriesElement(const ChartSeries& series, const Axis& x, const Axis& y, const char* colour) {
   std::string path, marks;
   size_t num_in_line = 0;
   std::string last;
-  const auto mark = [&](const std::string& at) { marks += fmt::format("<circle {} r=\"3\" fill=\"{}\"/>\n", at, colour); };
+  const auto mark = [&](const std::string& at) {
+    marks += fmt::format("<circle {} r=\"3\" fill=\"{}\"/>\n", at, colour);
+  };
   const auto end_line = [&] {
     if (num_in_line == 1) mark(last);  // a line of one point would be invisible
     num_in_line = 0;
@@ -95,9 +98,11 @@ std::string SeriesElement(const ChartSeries& series, const Axis& x, const Axis& 
   }
   end_line();
   if (path.empty()) return marks;
-  return fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\" stroke-linejoin=\"round\" "
-                     "stroke-linecap=\"round\"/>\n",
-                     path, colour) + marks;
+  return fmt::format(
+             "<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\" stroke-linejoin=\"round\" "
+             "stroke-linecap=\"round\"/>\n",
+             path, colour) +
+         marks;
 }
 
 // Rows of coloured names from the left; returns the y of the last row's baseline.
@@ -111,9 +116,10 @@ double AppendLegend(const LineChart& chart, double left, double right, double y,
     if (is_first || x + width > right) x = left, y += kLegendRow;
     is_first = false;
     const char* colour = kPalette[i % kPalette.size()];
-    *svg += fmt::format("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\" stroke-width=\"4\" "
-                        "stroke-linecap=\"round\"/>\n",
-                        x + 2, y - 4.5, x + kLegendSwatch - 6, y - 4.5, colour);
+    *svg += fmt::format(
+        "<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\" stroke-width=\"4\" "
+        "stroke-linecap=\"round\"/>\n",
+        x + 2, y - 4.5, x + kLegendSwatch - 6, y - 4.5, colour);
     *svg += TextElement(x + kLegendSwatch, y, "start", name);
     x += width;
   }
@@ -126,11 +132,21 @@ std::string EscapeMarkup(const std::string& text) {
   std::string escaped;
   for (const char c : text) {
     switch (c) {
-      case '&': escaped += "&amp;"; break;
-      case '<': escaped += "&lt;"; break;
-      case '>': escaped += "&gt;"; break;
-      case '"': escaped += "&quot;"; break;
-      case '\'': escaped += "&#39;"; break;
+      case '&':
+        escaped += "&amp;";
+        break;
+      case '<':
+        escaped += "&lt;";
+        break;
+      case '>':
+        escaped += "&gt;";
+        break;
+      case '"':
+        escaped += "&quot;";
+        break;
+      case '\'':
+        escaped += "&#39;";
+        break;
       default:
         escaped += static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\t' ? ' ' : c;
     }
@@ -141,7 +157,8 @@ std::string EscapeMarkup(const std::string& text) {
 std::vector<double> NiceTicks(double low, double high, int count, bool is_log) {
   std::vector<double> ticks;
   if (is_log) {
-    const auto first = static_cast<int>(std::floor(std::log10(low))), last = static_cast<int>(std::ceil(std::log10(high)));
+    const auto first = static_cast<int>(std::floor(std::log10(low))),
+               last = static_cast<int>(std::ceil(std::log10(high)));
     const int every = std::max(1, (last - first + count - 1) / std::max(count, 1));
     const bool with_folds = std::log10(high / low) < 2;
     for (int exponent = first; exponent <= last; exponent += every) {
@@ -177,10 +194,11 @@ std::string ToSvg(const LineChart& chart) {
   }
   Axis x = FitAxis(xs, chart.log_x, 0), y = FitAxis(ys, chart.log_y, 0.05);
 
-  std::string svg = fmt::format("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" "
-                                "role=\"img\" font-family=\"system-ui, sans-serif\" font-size=\"{2}\" fill=\"currentColor\" "
-                                "style=\"max-width:100%;height:auto\">\n<title>{3}</title>\n",
-                                chart.width, chart.height, kFontSize, EscapeMarkup(chart.title));
+  std::string svg = fmt::format(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" "
+      "role=\"img\" font-family=\"system-ui, sans-serif\" font-size=\"{2}\" fill=\"currentColor\" "
+      "style=\"max-width:100%;height:auto\">\n<title>{3}</title>\n",
+      chart.width, chart.height, kFontSize, EscapeMarkup(chart.title));
   const auto y_ticks = NiceTicks(y.low, y.high, std::max(2, chart.height / 70), chart.log_y);
   size_t longest = 1;
   for (const double tick : y_ticks) longest = std::max(longest, Label(tick).size());
@@ -205,13 +223,16 @@ std::string ToSvg(const LineChart& chart) {
     svg += Gridline(left, y.Pixel(tick), right, y.Pixel(tick));
     svg += TextElement(left - 8, y.Pixel(tick) + 4.5, "end", Label(tick));
   }
-  svg += fmt::format("<path d=\"M{0:.1f} {1:.1f}V{2:.1f}H{3:.1f}\" fill=\"none\" stroke=\"currentColor\" "
-                     "stroke-opacity=\"0.6\"/>\n",
-                     left, top, bottom, right);
+  svg += fmt::format(
+      "<path d=\"M{0:.1f} {1:.1f}V{2:.1f}H{3:.1f}\" fill=\"none\" stroke=\"currentColor\" "
+      "stroke-opacity=\"0.6\"/>\n",
+      left, top, bottom, right);
   svg += TextElement(0.5 * (left + right), chart.height - 10.0, "middle", chart.x_label, " fill-opacity=\"0.8\"");
-  const std::string turned = fmt::format(" fill-opacity=\"0.8\" transform=\"rotate(-90 16 {0:.1f})\"", 0.5 * (top + bottom));
+  const std::string turned =
+      fmt::format(" fill-opacity=\"0.8\" transform=\"rotate(-90 16 {0:.1f})\"", 0.5 * (top + bottom));
   svg += TextElement(16, 0.5 * (top + bottom), "middle", chart.y_label, turned.c_str());
-  if (xs.empty()) svg += TextElement(0.5 * (left + right), 0.5 * (top + bottom), "middle", "no data", " fill-opacity=\"0.6\"");
+  if (xs.empty())
+    svg += TextElement(0.5 * (left + right), 0.5 * (top + bottom), "middle", "no data", " fill-opacity=\"0.6\"");
   for (size_t i = 0; i < chart.series.size(); ++i) {
     svg += SeriesElement(chart.series[i], x, y, kPalette[i % kPalette.size()]);
   }

@@ -118,8 +118,8 @@ torch::Tensor LpipsImpl::forward(const torch::Tensor& a, const torch::Tensor& b)
   CheckShape(a, {kAny, 3, kAny, kAny}, "first image");
   CheckShape(b, {a.size(0), 3, a.size(2), a.size(3)}, "second image");
   if (std::min(a.size(2), a.size(3)) < kSmallestSide) {
-    Throw<ShapeError>("LPIPS needs at least {} pixels along each side, found an image of {} x {}", kSmallestSide, a.size(3),
-                      a.size(2));
+    Throw<ShapeError>("LPIPS needs at least {} pixels along each side, found an image of {} x {}", kSmallestSide,
+                      a.size(3), a.size(2));
   }
   const auto features_a = Features(a), features_b = Features(b);
   auto distance = torch::zeros({a.size(0)}, features_a[0].options());

@@ -1,8 +1,8 @@
-// Learned perceptual image distance: LPIPS v0.1 with SqueezeNet 1.1 (Zhang et al., "The Unreasonable Effectiveness of Deep
-// Features as a Perceptual Metric", CVPR 2018).
+// Learned perceptual image distance: LPIPS v0.1 with SqueezeNet 1.1 (Zhang et al., "The Unreasonable Effectiveness of
+// Deep Features as a Perceptual Metric", CVPR 2018).
 //
-// Seven feature maps of the network (after its first layer and after fire modules 4, 7, 9, 10, 11 and 12), each scaled to unit
-// length over its channels; squared differences, weighted per channel by the published heads, averaged over the
+// Seven feature maps of the network (after its first layer and after fire modules 4, 7, 9, 10, 11 and 12), each scaled
+// to unit length over its channels; squared differences, weighted per channel by the published heads, averaged over the
 // image, summed over the maps. 0 for identical images; larger is less alike.
 //
 // The weights are not part of this library: users fetch the two files from their authors.
@@ -50,10 +50,10 @@ class LpipsImpl : public torch::nn::Module {
  private:
   std::vector<torch::Tensor> Features(const torch::Tensor& images);
 
-  torch::Tensor shift_, scale_;          // [3, 1, 1] of the input's colours
+  torch::Tensor shift_, scale_;  // [3, 1, 1] of the input's colours
   torch::nn::Conv2d first_ = nullptr;
-  std::vector<Fire> fires_;              // modules 3, 4, 6, 7, 9, 10, 11, 12 of the published network
-  std::vector<torch::Tensor> heads_;     // [1, C, 1, 1] each
+  std::vector<Fire> fires_;           // modules 3, 4, 6, 7, 9, 10, 11, 12 of the published network
+  std::vector<torch::Tensor> heads_;  // [1, C, 1, 1] each
 };
 TORCH_MODULE(Lpips);
 

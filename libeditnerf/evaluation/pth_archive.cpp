@@ -43,8 +43,9 @@ uint64_t StorageBytes(const PickleValue& storage, uint64_t available, const std:
   const uint64_t size = c10::elementSize(storage.type);
   const auto count = static_cast<uint64_t>(storage.integer);
   if (count > available / size) {
-    Throw<DataError>("{}: storage '{}' has {} elements of {} bytes, but {} bytes are left: the file is truncated or damaged",
-                     name, storage.text, count, size, available);
+    Throw<DataError>(
+        "{}: storage '{}' has {} elements of {} bytes, but {} bytes are left: the file is truncated or damaged", name,
+        storage.text, count, size, available);
   }
   return count * size;
 }
@@ -56,7 +57,8 @@ std::map<std::string, torch::Tensor> Assemble(const Pickle& pickle, const Storag
   for (size_t i = 0; i + 1 < root.items.size(); i += 2) {
     const PickleValue& key = pickle.values[root.items[i]];
     const PickleValue& value = pickle.values[root.items[i + 1]];
-    if (key.kind != Kind::kString) Throw<DataError>("{}: found {} as a key, expected a string", name, KindName(key.kind));
+    if (key.kind != Kind::kString)
+      Throw<DataError>("{}: found {} as a key, expected a string", name, KindName(key.kind));
     if (value.kind != Kind::kTensor) {
       Throw<DataError>("{}: entry '{}' is {}, expected a tensor; save the state dict alone", name, key.text,
                        KindName(value.kind));
@@ -122,7 +124,8 @@ std::map<std::string, torch::Tensor> ReadZip(std::string_view bytes, const std::
       pickle_bytes = &content;
     }
   }
-  if (pickle_bytes == nullptr) Throw<DataError>("{}: a zip archive without {}: not written by torch.save", name, kPickleName);
+  if (pickle_bytes == nullptr)
+    Throw<DataError>("{}: a zip archive without {}: not written by torch.save", name, kPickleName);
   const auto order = entries.find(folder + "byteorder");
   if (order != entries.end() && order->second != "little") {
     Throw<DataError>("{}: byte order '{}', expected little", name, order->second);

@@ -13,9 +13,9 @@
 
 namespace editnerf {
 
-// The tensors of a state dict by name, on the CPU, in the file's dtypes. Tensors that share a storage in the file share it
-// here. Throws DataError naming the file: not such a file, truncated, a type that is not allowed, big-endian data, an entry that
-// is not a tensor.
+// The tensors of a state dict by name, on the CPU, in the file's dtypes. Tensors that share a storage in the file share
+// it here. Throws DataError naming the file: not such a file, truncated, a type that is not allowed, big-endian data,
+// an entry that is not a tensor.
 std::map<std::string, torch::Tensor> ReadPthArchive(const std::filesystem::path& path);
 
 }  // namespace editnerf

@@ -35,6 +35,7 @@ h3 { font-size: 1rem; margin: 1.5rem 0 0.5rem; }
 .notes strong { color: var(--warn); }
 .gallery { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 320px), 1fr)); gap: 1rem; }
 .gallery figure { margin: 0; background: var(--card); border: 1px solid var(--line); border-radius: 10px; overflow: hidden; }
+.gallery .wide { grid-column: 1 / -1; }
 .gallery img, .gallery video { display: block; width: 100%; height: auto; }
 figcaption { padding: 0.6rem 0.9rem; color: var(--soft); font-size: 0.92rem; }
 .card + .card { margin-top: 1rem; }
@@ -95,8 +96,9 @@ std::string Videos(const ReportContents& contents) {
     }
     const std::string source =
         video.mp4.empty() ? EscapeMarkup(video.relative_path) : "data:video/mp4;base64," + EncodeBase64(video.mp4);
-    html += fmt::format("<figure><video controls loop muted playsinline src=\"{}\"></video><figcaption>{}</figcaption></figure>\n",
-                        source, EscapeMarkup(video.caption));
+    html += fmt::format(
+        "<figure><video controls loop muted playsinline src=\"{}\"></video><figcaption>{}</figcaption></figure>\n",
+        source, EscapeMarkup(video.caption));
   }
   return html + "</div>\n";
 }
@@ -105,10 +107,12 @@ std::string Pictures(const ReportContents& contents) {
   if (contents.pictures.empty()) return "";
   std::string html = "<h2>Pictures</h2>\n<div class=\"gallery\">\n";
   for (const ReportPicture& picture : contents.pictures) {
-    if (picture.png.compare(0, 8, kPngSignature, 8) != 0) Throw<Error>("report: picture '{}' is not a PNG", picture.caption);
+    if (picture.png.compare(0, 8, kPngSignature, 8) != 0)
+      Throw<Error>("report: picture '{}' is not a PNG", picture.caption);
     const std::string caption = EscapeMarkup(picture.caption);
-    html += fmt::format("<figure><img alt=\"{0}\" src=\"data:image/png;base64,{1}\"><figcaption>{0}</figcaption></figure>\n",
-                        caption, EncodeBase64(picture.png));
+    html += fmt::format(
+        "<figure{2}><img alt=\"{0}\" src=\"data:image/png;base64,{1}\"><figcaption>{0}</figcaption></figure>\n",
+        caption, EncodeBase64(picture.png), picture.is_wide ? " class=\"wide\"" : "");
   }
   return html + "</div>\n";
 }
@@ -127,7 +131,8 @@ std::string Tables(const ReportContents& contents) {
     std::vector<bool> is_number(table.headers.size(), !table.rows.empty());
     for (const auto& row : table.rows) {
       if (row.size() != table.headers.size()) {
-        Throw<Error>("report: table '{}': a row of {} cells, expected {}", table.title, row.size(), table.headers.size());
+        Throw<Error>("report: table '{}': a row of {} cells, expected {}", table.title, row.size(),
+                     table.headers.size());
       }
       for (size_t i = 0; i < row.size(); ++i) is_number[i] = is_number[i] && (row[i].empty() || ReadsAsNumber(row[i]));
     }
@@ -184,12 +189,15 @@ std::string SpokenDuration(double seconds) {
 
 std::string ToHtml(const ReportContents& contents) {
   const std::string title = EscapeMarkup(contents.title);
-  std::string html = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-                     "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
-  html += fmt::format("<title>{}</title>\n<style>{}</style>\n</head>\n<body>\n<main>\n<h1>{}</h1>\n", title, kStyle, title);
-  if (!contents.subtitle.empty()) html += fmt::format("<p class=\"subtitle\">{}</p>\n", EscapeMarkup(contents.subtitle));
-  html += Facts(contents) + Videos(contents) + Pictures(contents) + Notes(contents) + Charts(contents) + Tables(contents) +
-          Stages(contents);
+  std::string html =
+      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
+  html +=
+      fmt::format("<title>{}</title>\n<style>{}</style>\n</head>\n<body>\n<main>\n<h1>{}</h1>\n", title, kStyle, title);
+  if (!contents.subtitle.empty())
+    html += fmt::format("<p class=\"subtitle\">{}</p>\n", EscapeMarkup(contents.subtitle));
+  html += Facts(contents) + Videos(contents) + Pictures(contents) + Notes(contents) + Charts(contents) +
+          Tables(contents) + Stages(contents);
   return html + "</main>\n</body>\n</html>\n";
 }
 

@@ -1,5 +1,5 @@
-// The report of a run: one HTML file that needs nothing else. Styles, charts and pictures are inside; it adapts to narrow
-// windows and to light and dark settings, prints, and has no scripts.
+// The report of a run: one HTML file that needs nothing else. Styles, charts and pictures are inside; it adapts to
+// narrow windows and to light and dark settings, prints, and has no scripts.
 #pragma once
 
 #include <optional>
@@ -25,7 +25,8 @@ struct ReportTable {
 
 struct ReportPicture {
   std::string caption;
-  std::string png;  // the file's bytes
+  std::string png;       // the file's bytes
+  bool is_wide = false;  // over the whole width: a strip of pictures
 };
 
 // Given by its bytes, or by its path relative to the report where it is too large to be carried along.

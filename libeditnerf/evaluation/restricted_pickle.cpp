@@ -13,15 +13,16 @@ namespace {
 using Kind = PickleValue::Kind;
 
 constexpr const char* kAllowed =
-    "collections.OrderedDict, torch._utils._rebuild_tensor_v2, torch._utils._rebuild_parameter and torch's storage types";
+    "collections.OrderedDict, torch._utils._rebuild_tensor_v2, torch._utils._rebuild_parameter and torch's storage "
+    "types";
 
 bool FindGlobal(const std::string& name, PickleValue* value) {
   static const std::unordered_map<std::string, torch::ScalarType> kStorages = {
-      {"torch.FloatStorage", torch::kFloat},   {"torch.DoubleStorage", torch::kDouble},
-      {"torch.HalfStorage", torch::kHalf},     {"torch.BFloat16Storage", torch::kBFloat16},
-      {"torch.LongStorage", torch::kLong},     {"torch.IntStorage", torch::kInt},
-      {"torch.ShortStorage", torch::kShort},   {"torch.CharStorage", torch::kChar},
-      {"torch.ByteStorage", torch::kByte},     {"torch.BoolStorage", torch::kBool}};
+      {"torch.FloatStorage", torch::kFloat}, {"torch.DoubleStorage", torch::kDouble},
+      {"torch.HalfStorage", torch::kHalf},   {"torch.BFloat16Storage", torch::kBFloat16},
+      {"torch.LongStorage", torch::kLong},   {"torch.IntStorage", torch::kInt},
+      {"torch.ShortStorage", torch::kShort}, {"torch.CharStorage", torch::kChar},
+      {"torch.ByteStorage", torch::kByte},   {"torch.BoolStorage", torch::kBool}};
   value->kind = Kind::kGlobal;
   value->text = name;
   if (const auto storage = kStorages.find(name); storage != kStorages.end()) {
@@ -55,7 +56,8 @@ class Machine {
   }
 
  private:
-  // Executes one opcode; false at STOP.
+  // Executes one opcode; false at STOP. A table, so one opcode a line.
+  // clang-format off
   bool Step(unsigned char opcode) {
     switch (opcode) {
       case '.': return false;
@@ -121,6 +123,7 @@ class Machine {
     }
     return true;
   }
+  // clang-format on
 
   template <class... Args>
   [[noreturn]] void Fail(fmt::format_string<Args...> format, Args&&... args) const {
@@ -214,14 +217,17 @@ class Machine {
     const PickleValue& global = Expect(call[0], Kind::kGlobal, "what is to be built");
     const auto arguments = Expect(call[1], Kind::kTuple, "arguments").items;
     switch (global.global) {
-      case PickleGlobal::kOrderedDict: return BuildDict(arguments);
-      case PickleGlobal::kRebuildTensor: return BuildTensor(arguments);
+      case PickleGlobal::kOrderedDict:
+        return BuildDict(arguments);
+      case PickleGlobal::kRebuildTensor:
+        return BuildTensor(arguments);
       case PickleGlobal::kRebuildParameter:
         if (arguments.empty()) Fail("a parameter without a tensor");
         Expect(arguments[0], Kind::kTensor, "a parameter");
         stack_.push_back(arguments[0]);
         return;
-      case PickleGlobal::kStorageType: Fail("a call of '{}'", global.text);
+      case PickleGlobal::kStorageType:
+        Fail("a call of '{}'", global.text);
     }
   }
 
@@ -319,7 +325,8 @@ class Machine {
   }
 
   const PickleValue& Expect(size_t index, Kind kind, const char* what) const {
-    if (values_[index].kind != kind) Fail("{}: found {}, expected {}", what, KindName(values_[index].kind), KindName(kind));
+    if (values_[index].kind != kind)
+      Fail("{}: found {}, expected {}", what, KindName(values_[index].kind), KindName(kind));
     return values_[index];
   }
   const std::string& Text(size_t index, const char* what) const { return Expect(index, Kind::kString, what).text; }
@@ -342,17 +349,28 @@ class Machine {
 
 const char* KindName(Kind kind) {
   switch (kind) {
-    case Kind::kNone: return "None";
-    case Kind::kBool: return "a truth value";
-    case Kind::kInt: return "an integer";
-    case Kind::kFloat: return "a number";
-    case Kind::kString: return "a string";
-    case Kind::kTuple: return "a tuple";
-    case Kind::kList: return "a list";
-    case Kind::kDict: return "a dict";
-    case Kind::kGlobal: return "a type";
-    case Kind::kStorage: return "a storage";
-    case Kind::kTensor: return "a tensor";
+    case Kind::kNone:
+      return "None";
+    case Kind::kBool:
+      return "a truth value";
+    case Kind::kInt:
+      return "an integer";
+    case Kind::kFloat:
+      return "a number";
+    case Kind::kString:
+      return "a string";
+    case Kind::kTuple:
+      return "a tuple";
+    case Kind::kList:
+      return "a list";
+    case Kind::kDict:
+      return "a dict";
+    case Kind::kGlobal:
+      return "a type";
+    case Kind::kStorage:
+      return "a storage";
+    case Kind::kTensor:
+      return "a tensor";
   }
   return "nothing known";
 }

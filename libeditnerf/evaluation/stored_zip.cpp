@@ -52,7 +52,8 @@ std::map<std::string, std::string_view> ReadStoredZip(std::string_view bytes, co
   const std::string_view end = reader.Slice(reader.FindEnd(), kEndSize);
   const uint32_t count = Field(end, 10, 2);
   uint64_t cursor = Field(end, 16, 4);
-  if (count == 0xffff || cursor == 0xffffffff) reader.Fail("more than 4 GB or 65534 entries (zip64), which is not read");
+  if (count == 0xffff || cursor == 0xffffffff)
+    reader.Fail("more than 4 GB or 65534 entries (zip64), which is not read");
 
   std::map<std::string, std::string_view> entries;
   uint64_t total = 0;
@@ -64,7 +65,8 @@ std::map<std::string, std::string_view> ReadStoredZip(std::string_view bytes, co
     const uint32_t flags = Field(entry, 8, 2), method = Field(entry, 10, 2);
     const uint32_t stored = Field(entry, 20, 4), size = Field(entry, 24, 4), offset = Field(entry, 42, 4);
     if ((flags & 1) != 0) reader.Fail(fmt::format("'{}' is encrypted", entry_name));
-    if (method != 0 || stored != size) reader.Fail(fmt::format("'{}' is compressed; expected stored entries", entry_name));
+    if (method != 0 || stored != size)
+      reader.Fail(fmt::format("'{}' is compressed; expected stored entries", entry_name));
     if (size == 0xffffffff || offset == 0xffffffff) reader.Fail(fmt::format("'{}' has more than 4 GB", entry_name));
 
     const std::string_view local = reader.Slice(offset, kLocalHeaderSize);

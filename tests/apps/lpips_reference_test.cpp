@@ -26,9 +26,11 @@ TEST_CASE("LPIPS reproduces the published program's distances") {
     WARN("skipped: no shared data beside the checkout");
     return;
   }
-  Lpips lpips = LoadLpips(*shared / "weights/lpips-squeeze-backbone.pth", *shared / "weights/lpips-squeeze-linear-v0.1.pth");
+  Lpips lpips =
+      LoadLpips(*shared / "weights/lpips-squeeze-backbone.pth", *shared / "weights/lpips-squeeze-linear-v0.1.pth");
   const auto folder = *shared / "data/lpips";
-  const auto ref = ReadRgb(folder / "ex_ref.png"), p0 = ReadRgb(folder / "ex_p0.png"), p1 = ReadRgb(folder / "ex_p1.png");
+  const auto ref = ReadRgb(folder / "ex_ref.png"), p0 = ReadRgb(folder / "ex_p0.png"),
+             p1 = ReadRgb(folder / "ex_p1.png");
   CHECK(lpips->Distance(ref, p0) == Approx(0.711048).margin(1e-4));
   CHECK(lpips->Distance(ref, p1) == Approx(0.147902).margin(1e-4));
   CHECK(lpips->Distance(p0, p1) == Approx(0.727777).margin(1e-4));

@@ -68,7 +68,8 @@ std::vector<double> LoopHalved(const std::vector<double>& image, int64_t height,
   for (int64_t y = 0; y < height; y += 2) {
     for (int64_t x = 0; x < width; x += 2) {
       const int64_t y2 = std::min(y + 1, height - 1), x2 = std::min(x + 1, width - 1);
-      half.push_back((image[y * width + x] + image[y2 * width + x] + image[y * width + x2] + image[y2 * width + x2]) / 4);
+      half.push_back((image[y * width + x] + image[y2 * width + x] + image[y * width + x2] + image[y2 * width + x2]) /
+                     4);
     }
   }
   return half;
@@ -166,7 +167,8 @@ TEST_CASE("MS-SSIM falls with noise and with blur") {
   }
   last = 1;
   for (const int64_t size : {3, 5, 9}) {
-    const auto blurred = torch::avg_pool2d(a.permute({2, 0, 1}), {size, size}, {1, 1}, {size / 2, size / 2}, false, false);
+    const auto blurred =
+        torch::avg_pool2d(a.permute({2, 0, 1}), {size, size}, {1, 1}, {size / 2, size / 2}, false, false);
     const double value = MsSsim(a, blurred.permute({1, 2, 0})).value;
     CHECK(value < last);
     last = value;

@@ -22,7 +22,8 @@ size_t Count(const std::string& text, const std::string& part) {
 
 TEST_CASE("the markup check finds what is malformed") {
   CHECK(MarkupProblem("<a b=\"1\"><c/>x &amp; y</a>").empty());
-  for (const char* bad : {"<a>", "</a>", "<a></b>", "<a b=1></a>", "<a b=\"1\" b=\"2\"></a>", "x & y", "a < b", "<a b=\"<\"></a>"}) {
+  for (const char* bad :
+       {"<a>", "</a>", "<a></b>", "<a b=1></a>", "<a b=\"1\" b=\"2\"></a>", "x & y", "a < b", "<a b=\"<\"></a>"}) {
     CHECK_FALSE(MarkupProblem(bad).empty());
   }
 }

@@ -70,7 +70,8 @@ TEST_CASE("LPIPS accepts backbone names with and without a prefix, and names wha
 TEST_CASE("LPIPS refuses images that are too small or of different size") {
   Lpips model;
   const auto small = torch::rand({16, 40, 3});
-  CHECK_THROWS_WITH(model->Distance(small, small), "LPIPS needs at least 17 pixels along each side, found an image of 40 x 16");
+  CHECK_THROWS_WITH(model->Distance(small, small),
+                    "LPIPS needs at least 17 pixels along each side, found an image of 40 x 16");
   CHECK_THROWS_AS(model->Distance(torch::rand({20, 20, 3}), torch::rand({20, 21, 3})), ShapeError);
 }
 

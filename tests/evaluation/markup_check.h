@@ -1,5 +1,5 @@
-// A strict little check that markup is well formed: tags nest and close, attributes are quoted and not repeated, every '&' begins an
-// entity. Knows HTML's void elements and doctype; enough for what this project writes.
+// A strict little check that markup is well formed: tags nest and close, attributes are quoted and not repeated, every
+// '&' begins an entity. Knows HTML's void elements and doctype; enough for what this project writes.
 #pragma once
 
 #include <algorithm>
@@ -17,12 +17,13 @@ inline std::string MarkupProblem(const std::string& markup) {
   const auto is_entity = [&](size_t at) {
     const size_t end = markup.find(';', at);
     return end != std::string::npos && end - at <= 8 &&
-           std::all_of(markup.begin() + static_cast<std::ptrdiff_t>(at) + 1, markup.begin() + static_cast<std::ptrdiff_t>(end),
+           std::all_of(markup.begin() + static_cast<std::ptrdiff_t>(at) + 1,
+                       markup.begin() + static_cast<std::ptrdiff_t>(end),
                        [](char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '#'; });
   };
   for (size_t i = 0; i < markup.size(); ++i) {
     if (markup[i] == '&' && !is_entity(i)) return "a bare '&' at " + markup.substr(i, 20);
-    if (markup[i] == '>' ) return "a bare '>' at " + markup.substr(i, 20);
+    if (markup[i] == '>') return "a bare '>' at " + markup.substr(i, 20);
     if (markup[i] != '<') continue;
     if (markup.compare(i, 9, "<!doctype") == 0 || markup.compare(i, 9, "<!DOCTYPE") == 0) {
       i = markup.find('>', i);
@@ -62,7 +63,8 @@ inline std::string MarkupProblem(const std::string& markup) {
     if (at >= markup.size()) return "a tag that never ends: <" + name;
     i = at;
     if (closes) {
-      if (open.empty() || open.back() != name) return "</" + name + "> closes " + (open.empty() ? "nothing" : open.back());
+      if (open.empty() || open.back() != name)
+        return "</" + name + "> closes " + (open.empty() ? "nothing" : open.back());
       open.pop_back();
     } else if (!closes_itself && kVoid.count(name) == 0) {
       open.push_back(name);

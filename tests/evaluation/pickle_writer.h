@@ -20,8 +20,12 @@ inline const std::string kProto = std::string("\x80\x02", 2);
 inline const std::string kMagic = std::string("\x80\x02\x8a\x0al\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19.", 15);
 
 inline std::string Text(const std::string& text) { return "X" + LittleEndian(text.size(), 4) + text; }
-inline std::string Int(int64_t value) { return std::string("\x8a\x08") + LittleEndian(static_cast<uint64_t>(value), 8); }
-inline std::string Global(const std::string& module, const std::string& name) { return "c" + module + "\n" + name + "\n"; }
+inline std::string Int(int64_t value) {
+  return std::string("\x8a\x08") + LittleEndian(static_cast<uint64_t>(value), 8);
+}
+inline std::string Global(const std::string& module, const std::string& name) {
+  return "c" + module + "\n" + name + "\n";
+}
 inline std::string Tuple(const std::vector<std::string>& items) {
   std::string all = "(";
   for (const auto& item : items) all += item;
@@ -51,7 +55,8 @@ inline std::string DictPickle(const std::vector<std::pair<std::string, std::stri
 }
 
 // The legacy layout around the pickle of a dict; `storages` holds key and raw bytes with their element count in front.
-inline std::string LegacyFile(const std::string& dict, const std::vector<std::pair<std::string, std::string>>& storages) {
+inline std::string LegacyFile(const std::string& dict,
+                              const std::vector<std::pair<std::string, std::string>>& storages) {
   std::string keys = kProto + "](", data;
   for (const auto& [key, bytes] : storages) keys += Text(key), data += bytes;
   return kMagic + kProto + "M" + LittleEndian(1001, 2) + "." + kProto + "}" + Text("little_endian") + "\x88s." + dict +
@@ -67,8 +72,8 @@ inline std::string StorageData(const std::vector<float>& values) {
 inline std::string StoredZip(const std::vector<std::pair<std::string, std::string>>& entries, int method = 0) {
   std::string all, directory;
   for (const auto& [name, content] : entries) {
-    const std::string common = LittleEndian(0, 2) + LittleEndian(static_cast<uint64_t>(method), 2) + LittleEndian(0, 8) +
-                               LittleEndian(content.size(), 4) + LittleEndian(content.size(), 4) +
+    const std::string common = LittleEndian(0, 2) + LittleEndian(static_cast<uint64_t>(method), 2) +
+                               LittleEndian(0, 8) + LittleEndian(content.size(), 4) + LittleEndian(content.size(), 4) +
                                LittleEndian(name.size(), 2);
     directory += "PK\1\2" + LittleEndian(20, 2) + LittleEndian(20, 2) + common + LittleEndian(0, 12) +
                  LittleEndian(all.size(), 4) + name;

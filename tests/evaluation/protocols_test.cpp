@@ -13,8 +13,9 @@ namespace {
 
 constexpr int64_t kHeight = 6, kWidth = 8;
 
-// Training frames with warp ids 0, 4, 10 (frames 0 to 2), validation frames with the given ids, one edit frame; a camera at
-// the origin that looks along z with its centre in the middle; object 0 turns about z, object 1 moves along x.
+// Training frames with warp ids 0, 4, 10 (frames 0 to 2), validation frames with the given ids, one edit frame; a
+// camera at the origin that looks along z with its centre in the middle; object 0 turns about z, object 1 moves along
+// x.
 Scene MakeScene(const std::vector<int64_t>& val_warp_ids) {
   Scene scene;
   scene.name = "hand-made";
@@ -71,11 +72,12 @@ TEST_CASE("a key point belongs to the object at its pixel, rounded down") {
 
 TEST_CASE("true key points move with their objects, and stay where nothing moves") {
   const Scene scene = MakeScene({});
-  const std::vector<ReferenceKeyPoint> key_points = {{{0.4, 0.1, 1.5}, 1, 0}, {{0.9, 0, 2}, 2, 1}, {{0.1, 0.2, 3}, 0, kStaticObject}};
+  const std::vector<ReferenceKeyPoint> key_points = {
+      {{0.4, 0.1, 1.5}, 1, 0}, {{0.9, 0, 2}, 2, 1}, {{0.1, 0.2, 3}, 0, kStaticObject}};
   const auto there = TrueKeyPoints(scene, key_points, 3);
   const double c = std::cos(0.6), s = std::sin(0.6);
-  const auto expected =
-      torch::tensor({{0.4 * c - 0.1 * s, 0.4 * s + 0.1 * c, 1.5}, {0.9 + 0.25, 0.0, 2.0}, {0.1, 0.2, 3.0}}, torch::kFloat64);
+  const auto expected = torch::tensor(
+      {{0.4 * c - 0.1 * s, 0.4 * s + 0.1 * c, 1.5}, {0.9 + 0.25, 0.0, 2.0}, {0.1, 0.2, 3.0}}, torch::kFloat64);
   CHECK(torch::allclose(there, expected, 1e-12, 1e-12));
   CHECK(torch::allclose(TrueKeyPoints(scene, {key_points[0]}, 1), torch::tensor({{0.4, 0.1, 1.5}}, torch::kFloat64)));
 }
@@ -98,8 +100,9 @@ TEST_CASE("the editing protocol needs ground truth, and a consistent one") {
   CHECK_THROWS_AS(ObjectAt(scene, 4, {0, 0, 2}), DataError);
   CHECK_THROWS_AS(TrueKeyPoints(scene, {{{0, 0, 1}, 0, 2}}, 0), DataError);
   scene.truth.reset();
-  CHECK_THROWS_WITH(ObjectAt(scene, 0, {0, 0, 2}),
-                    "hand-made: no ground truth (gt/), which the editing protocol needs; only synthetic scenes have it");
+  CHECK_THROWS_WITH(
+      ObjectAt(scene, 0, {0, 0, 2}),
+      "hand-made: no ground truth (gt/), which the editing protocol needs; only synthetic scenes have it");
 }
 
 TEST_CASE("the nearest training frame is the one with the least mean square distance") {

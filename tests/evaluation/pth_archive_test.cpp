@@ -5,6 +5,8 @@
 #include <limits>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/evaluation/restricted_pickle.h"
+#include "libeditnerf/evaluation/stored_zip.h"
 #include "tests/catch.h"
 #include "tests/evaluation/pickle_writer.h"
 #include "tests/shared_data.h"
@@ -71,7 +73,8 @@ TEST_CASE("a pickle that names a function is refused with the function's name, a
   CHECK_THAT(message, Contains("asks for 'os.system', which is not loaded; allowed are collections.OrderedDict"));
   CHECK_FALSE(std::filesystem::exists(marker));
   const std::string stacked = Text("posix") + Text("system") + "\x93" + Tuple({Text("true")}) + "R";
-  CHECK_THAT(MessageFor(StoredZip({{"a/data.pkl", DictPickle({{"w", stacked}})}})), Contains("asks for 'posix.system'"));
+  CHECK_THAT(MessageFor(StoredZip({{"a/data.pkl", DictPickle({{"w", stacked}})}})),
+             Contains("asks for 'posix.system'"));
   CHECK_THAT(MessageFor(LegacyFile(DictPickle({{"w", Global("torch", "FloatStorage") + ")R"}}), {})),
              Contains("a call of 'torch.FloatStorage'"));
 }
@@ -81,7 +84,8 @@ TEST_CASE("a file cut at any byte is refused") {
   const std::string zip =
       StoredZip({{"archive/data.pkl", TwoTensors()}, {"archive/data/7", StorageData(kValues).substr(8)}});
   for (const std::string& whole : {legacy, zip}) {
-    for (size_t length = 0; length < whole.size(); length += 7) CHECK(MessageFor(whole.substr(0, length)) != "no error");
+    for (size_t length = 0; length < whole.size(); length += 7)
+      CHECK(MessageFor(whole.substr(0, length)) != "no error");
     CHECK(MessageFor(whole.substr(0, whole.size() - 1)) != "no error");
   }
 }
@@ -89,9 +93,11 @@ TEST_CASE("a file cut at any byte is refused") {
 TEST_CASE("lengths that the file does not hold are refused before memory is taken") {
   const int64_t huge = std::numeric_limits<int64_t>::max();
   const std::string storage = Storage("FloatStorage", "7", 6);
-  CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, 0, {7}, {1}))), Contains("reaches beyond its storage of 6 elements"));
+  CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, 0, {7}, {1}))),
+             Contains("reaches beyond its storage of 6 elements"));
   CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, 5, {2}, {1}))), Contains("reaches beyond"));
-  CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, 0, {huge, huge, huge}, {huge, huge, huge}))), Contains("reaches beyond"));
+  CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, 0, {huge, huge, huge}, {huge, huge, huge}))),
+             Contains("reaches beyond"));
   CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, 0, {huge}, {0}))), Contains("reaches beyond"));
   CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, huge, {0}, {1}))), Contains("begins beyond"));
   CHECK_THAT(MessageFor(LegacyOf(TensorOf(storage, -1, {1}, {1}))), Contains("a tensor's offset: found -1"));
@@ -101,7 +107,8 @@ TEST_CASE("lengths that the file does not hold are refused before memory is take
   CHECK_THAT(MessageFor(LegacyFile(big, {{"7", LittleEndian(static_cast<uint64_t>(huge), 8)}})),
              Contains("storage '7' has 9223372036854775807 elements of 8 bytes, but 0 bytes are left"));
   CHECK_THAT(MessageFor(StoredZip({{"a/data.pkl", big}, {"a/data/7", ""}})), Contains("but 0 bytes are left"));
-  CHECK_THAT(MessageFor(kMagic + kProto + "X" + LittleEndian(0xffffffff, 4)), Contains("4294967295 bytes expected, 0 left"));
+  CHECK_THAT(MessageFor(kMagic + kProto + "X" + LittleEndian(0xffffffff, 4)),
+             Contains("4294967295 bytes expected, 0 left"));
 }
 
 TEST_CASE("inconsistent pickles are refused") {
@@ -111,14 +118,18 @@ TEST_CASE("inconsistent pickles are refused") {
   CHECK_THAT(MessageFor(dict("")), Contains("the stack is empty"));
   CHECK_THAT(MessageFor(dict("}K\x01s")), Contains("the stack is empty"));
   CHECK_THAT(MessageFor(dict("}(K\x01u")), Contains("a key but no value"));
-  CHECK_THAT(MessageFor(dict("K\x01K\x02" "a")), Contains("found an integer, expected a list"));
+  CHECK_THAT(MessageFor(dict("K\x01K\x02"
+                             "a")),
+             Contains("found an integer, expected a list"));
   CHECK_THAT(MessageFor(dict("i")), Contains("opcode 0x69"));
   CHECK_THAT(MessageFor(dict("K\x01")), Contains("found an integer, expected a dict of tensors"));
   CHECK_THAT(MessageFor(LegacyFile(DictPickle({{"epoch", Int(3)}}), {})), Contains("entry 'epoch' is an integer"));
   CHECK_THAT(MessageFor(LegacyFile(TwoTensors(), {})), Contains("the data of 'whole' is missing"));
   CHECK_THAT(MessageFor(LegacyFile(TwoTensors(), {{"8", ""}})), Contains("storage '8' belongs to no tensor"));
   // A list that holds itself is only odd; a pickle that copies one list a thousand times over is an attack.
-  CHECK_THAT(MessageFor(dict("]q\x01h\x01" "a")), Contains("found a list, expected a dict of tensors"));
+  CHECK_THAT(MessageFor(dict("]q\x01h\x01"
+                             "a")),
+             Contains("found a list, expected a dict of tensors"));
   std::string copies = "](";
   for (int i = 0; i < 50; ++i) copies += "K\x01K\x02\x86";
   copies += "eq\x01";
@@ -126,12 +137,38 @@ TEST_CASE("inconsistent pickles are refused") {
   CHECK_THAT(MessageFor(dict(copies)), Contains("more entries of ordered dicts than the file has bytes"));
 }
 
+TEST_CASE("a pickle or an archive with any byte changed is read or refused, never worse") {
+  const std::string pickle = TwoTensors();
+  const std::string zip = StoredZip({{"archive/data.pkl", "some bytes"}, {"archive/data/7", "others"}});
+  int64_t num_refused = 0;
+  for (const bool is_zip : {false, true}) {
+    const std::string& whole = is_zip ? zip : pickle;
+    for (size_t at = 0; at < whole.size(); ++at) {
+      for (const unsigned char flip : {0x01, 0x80, 0xff, 0x5a}) {
+        std::string changed = whole;
+        changed[at] = static_cast<char>(static_cast<unsigned char>(changed[at]) ^ flip);
+        try {
+          if (is_zip) {
+            ReadStoredZip(changed, "changed");
+          } else {
+            ReadPickle(changed, "changed");
+          }
+        } catch (const DataError&) {
+          ++num_refused;
+        }
+      }
+    }
+  }
+  CHECK(num_refused > 100);
+}
+
 TEST_CASE("other files and other zip archives are refused") {
   CHECK_THAT(MessageFor("hello"), Contains("not a file written by torch.save"));
   CHECK_THAT(MessageFor(StoredZip({{"a/b", "c"}})), Contains("without data.pkl"));
   CHECK_THAT(MessageFor(StoredZip({{"a/data.pkl", "c"}}, 8)), Contains("'a/data.pkl' is compressed"));
   CHECK_THAT(MessageFor(StoredZip({{"a/x", "c"}, {"a/x", "c"}})), Contains("two entries are called 'a/x'"));
-  CHECK_THAT(MessageFor(StoredZip({{"a/data.pkl", TwoTensors()}, {"a/byteorder", "big"}})), Contains("byte order 'big'"));
+  CHECK_THAT(MessageFor(StoredZip({{"a/data.pkl", TwoTensors()}, {"a/byteorder", "big"}})),
+             Contains("byte order 'big'"));
   CHECK_THROWS_WITH(ReadPthArchive("/nowhere/w.pth"), "/nowhere/w.pth: no such file");
 }
 

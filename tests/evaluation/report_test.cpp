@@ -23,9 +23,11 @@ ReportContents FullReport() {
   ReportContents contents;
   contents.title = "Lid & <hinge>";
   contents.subtitle = "scene data/lid, 160 training frames";
-  contents.facts = {{"PSNR, unseen edits", "31.2 dB"}, {"Key points", "1"}, {"Render time", "0.4 s"}, {"Training", "5 min"}};
-  contents.notes = {{false, "No warp field: the poses are exact (0.01 px)."}, {true, "Key point 1 hardly moves <0.002>."}};
-  contents.pictures = {{"A \"quoted\" caption", kPng}, {"Truth", kPng}};
+  contents.facts = {
+      {"PSNR, unseen edits", "31.2 dB"}, {"Key points", "1"}, {"Render time", "0.4 s"}, {"Training", "5 min"}};
+  contents.notes = {{false, "No warp field: the poses are exact (0.01 px)."},
+                    {true, "Key point 1 hardly moves <0.002>."}};
+  contents.pictures = {{"A \"quoted\" caption", kPng, false}, {"Truth", kPng, false}, {"Strip", kPng, true}};
   contents.videos = {{"Edited", "", "edited & final.mp4"}, {"Small", "mp4 bytes", ""}};
   LineChart chart;
   chart.title = "Held-out PSNR";
@@ -35,7 +37,8 @@ ReportContents FullReport() {
   chart.series = {{"fast", {{5, 18}, {10, 21}, {20, 24.5}, {40, 27}, {80, 28.9}, {160, 30.2}, {320, 31.1}}, false},
                   {"paper", {{20, 12}, {80, 15.5}, {320, 19.7}}, false}};
   contents.charts = {chart};
-  contents.tables = {{"Scores", {"Protocol", "PSNR", "LPIPS"}, {{"editing", "31.20 dB", "0.08"}, {"baseline", "18.4 dB", ""}}}};
+  contents.tables = {
+      {"Scores", {"Protocol", "PSNR", "LPIPS"}, {{"editing", "31.20 dB", "0.08"}, {"baseline", "18.4 dB", ""}}}};
   contents.stages = {{"Poses", 12.5, "done"}, {"Training", 4000, "done"}, {"Evaluation", std::nullopt, "skipped"}};
   return contents;
 }
@@ -68,6 +71,7 @@ TEST_CASE("a report is well formed and refers to nothing outside but its videos"
   CHECK(html.find("Lid &amp; &lt;hinge&gt;") != std::string::npos);
   CHECK(html.find("<hinge>") == std::string::npos);
   CHECK(html.find("data:image/png;base64,iVBORw0KGgo") != std::string::npos);
+  CHECK(html.find("<figure class=\"wide\"><img alt=\"Strip\"") != std::string::npos);
   CHECK(html.find("src=\"edited &amp; final.mp4\"") != std::string::npos);
   CHECK(html.find("data:video/mp4;base64,bXA0IGJ5dGVz") != std::string::npos);
   CHECK(html.find("<td class=\"number\">31.20 dB</td>") != std::string::npos);

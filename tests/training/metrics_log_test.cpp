@@ -37,7 +37,8 @@ TEST_CASE("a metrics log is read back exactly") {
     log.Append(Row(10));
     log.Append(second);
   }
-  CHECK(ReadFile(path).rfind("seconds_training,seconds_total,step,rays,samples,loss.rec,loss.geo,held_out_psnr\n", 0) == 0);
+  CHECK(ReadFile(path).rfind("seconds_training,seconds_total,step,rays,samples,loss.rec,loss.geo,held_out_psnr\n", 0) ==
+        0);
   const auto rows = ReadMetricsLog(path);
   REQUIRE(rows.size() == 2);
   CHECK(rows[0].seconds_training == 10.0 / 3);
