@@ -1,4 +1,5 @@
-// WriteSceneFolder of scene_folder.h.
+#include "libeditnerf/imaging/scene_folder_writer.h"
+
 #include <string>
 #include <vector>
 
@@ -23,11 +24,15 @@ std::vector<std::string> IdsOf(const Scene& scene, const std::vector<int64_t>& s
   return ids;
 }
 
-// What an earlier scene left here and the new one would not overwrite, yet a reader would take for the new one's.
-void RemoveStale(const fs::path& folder) {
+}  // namespace
+
+void RemoveStaleSceneFiles(const fs::path& folder) {
   std::error_code ignored;
   fs::remove(folder / "dataset.json", ignored);
   fs::remove(folder / "points.npy", ignored);
+  fs::remove(folder / "data" / "k_points_auto.txt", ignored);
+  fs::remove_all(folder / "depth", ignored);
+  fs::remove_all(folder / "flow", ignored);
   fs::remove(folder / "gt" / "edits.json", ignored);
   fs::remove(folder / "gt" / "motion.json", ignored);
   fs::remove_all(folder / "gt" / "depth", ignored);
@@ -42,15 +47,8 @@ void RemoveStale(const fs::path& folder) {
   for (const fs::path& path : downsampled) fs::remove_all(path, ignored);
 }
 
-}  // namespace
-
-void WriteSceneFolder(const Scene& scene, const fs::path& folder) {
-  scene.Check();
-  MakeFolder(folder);
-  RemoveStale(folder);
+void WriteSceneDescription(const Scene& scene, const fs::path& folder) {
   MakeFolder(folder / "camera");
-  MakeFolder(folder / "rgb" / "1x");
-
   const SceneTransform& transform = scene.transform;
   WriteJson(folder / "scene.json", {{"scale", transform.scale},
                                     {"center", {transform.center.x, transform.center.y, transform.center.z}},
@@ -67,13 +65,6 @@ void WriteSceneFolder(const Scene& scene, const fs::path& folder) {
   }
   WriteJson(folder / "metadata.json", metadata);
 
-  const torch::Tensor images = scene.images.to(torch::kCPU).contiguous();
-  ParallelFor(images.size(0), 1, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) {
-      WritePng(folder / "rgb" / "1x" / (ids[static_cast<size_t>(i)] + ".png"), images[i]);
-    }
-  });
-
   if (scene.points.defined()) {
     const Vec3& c = transform.center;
     const torch::Tensor center = torch::tensor({c.x, c.y, c.z}, torch::kFloat64);
@@ -89,6 +80,20 @@ void WriteSceneFolder(const Scene& scene, const fs::path& folder) {
                                       {"ids", ids},
                                       {"train_ids", IdsOf(scene, scene.train)},
                                       {"val_ids", IdsOf(scene, scene.val)}});
+}
+
+void WriteSceneFolder(const Scene& scene, const fs::path& folder) {
+  scene.Check();
+  MakeFolder(folder);
+  RemoveStaleSceneFiles(folder);
+  MakeFolder(folder / "rgb" / "1x");
+  const torch::Tensor images = scene.images.to(torch::kCPU).contiguous();
+  ParallelFor(images.size(0), 1, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      WritePng(folder / "rgb" / "1x" / (scene.frames[static_cast<size_t>(i)].id + ".png"), images[i]);
+    }
+  });
+  WriteSceneDescription(scene, folder);
 }
 
 }  // namespace editnerf

@@ -5,7 +5,6 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <string>
-#include <utility>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"
@@ -90,7 +89,8 @@ std::optional<torch::Tensor> VideoReader::Next() {
   return image;
 }
 
-std::vector<torch::Tensor> ReadVideoFrames(const fs::path& path, int64_t max_frames) {
+void ForEachVideoFrame(const fs::path& path, int64_t max_frames,
+                       const std::function<void(int64_t, int64_t, const torch::Tensor&)>& visit) {
   if (max_frames < 1) Throw<ConfigError>("max_frames: expected at least 1, found {}", max_frames);
   VideoReader reader(path);
   int64_t count = reader.frame_count();
@@ -99,18 +99,21 @@ std::vector<torch::Tensor> ReadVideoFrames(const fs::path& path, int64_t max_fra
     while (counter.Skip()) ++count;
   }
   const int64_t wanted = std::min(count, max_frames);
-  std::vector<torch::Tensor> frames;
+  int64_t taken = 0;
   for (int64_t i = 0;; ++i) {
-    const bool take =
-        static_cast<int64_t>(frames.size()) < wanted && i == static_cast<int64_t>(frames.size()) * count / wanted;
-    if (!take) {
+    if (taken == wanted || i != taken * count / wanted) {
       if (!reader.Skip()) break;
       continue;
     }
-    auto frame = reader.Next();
+    const auto frame = reader.Next();
     if (!frame) break;
-    frames.push_back(std::move(*frame));
+    visit(taken++, wanted, *frame);
   }
+}
+
+std::vector<torch::Tensor> ReadVideoFrames(const fs::path& path, int64_t max_frames) {
+  std::vector<torch::Tensor> frames;
+  ForEachVideoFrame(path, max_frames, [&](int64_t, int64_t, const torch::Tensor& frame) { frames.push_back(frame); });
   return frames;
 }
 

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -32,7 +33,12 @@ class VideoReader {
   std::unique_ptr<Impl> impl_;
 };
 
-// At most max_frames (> 0) frames, evenly spaced in time and including the first: all of them where there are no more.
+// Calls visit(index, wanted, frame) for at most max_frames (> 0) frames, evenly spaced in time and including the first;
+// index counts them from 0, `wanted` is how many there will be. Throws as VideoReader does.
+void ForEachVideoFrame(const std::filesystem::path& path, int64_t max_frames,
+                       const std::function<void(int64_t index, int64_t wanted, const torch::Tensor& frame)>& visit);
+
+// The same frames in memory.
 std::vector<torch::Tensor> ReadVideoFrames(const std::filesystem::path& path, int64_t max_frames);
 
 // MP4: H.264 where OpenCV has an encoder for it, MPEG-4 otherwise. Odd sides get one more row or column, a copy of the
