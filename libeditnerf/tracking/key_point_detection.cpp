@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "libeditnerf/base/error.h"
@@ -22,6 +23,8 @@ constexpr int64_t kLeastMovingFrames = 3;
 constexpr int64_t kLeastVisibleFrames = 4;
 constexpr double kLeastRange = 0.01;          // of the point's median distance from the camera
 constexpr double kNoiseFactor = 4;            // motion range over noise
+constexpr int64_t kLargestSnap = 12;          // pixels
+constexpr double kEdge = 0.03;                // depth difference of neighbouring pixels, share of the depth
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
 
@@ -71,21 +74,57 @@ class Detector {
   }
 
  private:
-  // Frames in which the point lies on the surface, in time order.
+  // Frames in which the point lies on the surface, in time order, each with the surface's pixel that is to be tracked.
   std::vector<Start> Starts(const Vec3& point, double voxel_size) const {
     std::vector<Start> starts;
     for (int64_t t = 0; t < clip_.num_frames(); ++t) {
       const Projected projected = Project(clip_.cameras[At(t)], point);
-      Start start = {t, {projected.u, projected.v}, 0, 0};
-      if (!projected.valid || !clip_.Inside(start.pixel)) continue;
+      const Pixel pixel = {projected.u, projected.v};
+      if (!projected.valid || !clip_.Inside(pixel)) continue;
       const double phi = Norm(point - clip_.cameras[At(t)].position);
-      start.distance = LocalDepth(clip_.depth[At(t)], start.pixel, DepthRadius(clip_), phi);
-      // A voxel's centre lies up to half its diagonal from the surface points inside it.
-      if (!(std::abs(start.distance - phi) < std::max(config_.reference_delta * phi, voxel_size))) continue;
-      start.motion = motion_.At(t, start.pixel);
-      starts.push_back(start);
+      // Surface points inside a voxel lie up to half its diagonal from its centre.
+      const double tolerance = std::max(config_.reference_delta * phi, voxel_size);
+      const std::optional<Start> start = Snap(t, point, pixel, tolerance, phi);
+      if (start) starts.push_back(*start);
     }
     return starts;
+  }
+
+  // The pixel around a projection whose surface point lies nearest to `point`, within the tolerance. The ray through the
+  // voxel's centre may just miss a part that is seen edge-on, so the surface is looked for all around; pixels at a depth
+  // discontinuity, where flow is unreliable, and pixels without motion are taken only when there are no others.
+  std::optional<Start> Snap(int64_t t, const Vec3& point, const Pixel& pixel, double tolerance, double phi) const {
+    const double pixels_per_unit = clip_.cameras[At(t)].focal_length / phi;
+    const int64_t reach = std::clamp<int64_t>(std::llround(tolerance * pixels_per_unit), 1, kLargestSnap);
+    std::optional<Start> best;
+    double least = std::numeric_limits<double>::infinity();
+    for (int64_t dy = -reach; dy <= reach; ++dy) {
+      for (int64_t dx = -reach; dx <= reach; ++dx) {
+        Start start = {t, {pixel.u + static_cast<double>(dx), pixel.v + static_cast<double>(dy)}, NAN, 0};
+        if (!clip_.Inside(start.pixel)) continue;
+        start.distance = LocalDepth(clip_.depth[At(t)], start.pixel, 0);
+        if (!std::isfinite(start.distance)) continue;
+        const double off = Norm(clip_.Lift(t, start.pixel, start.distance) - point);
+        if (!(off < tolerance)) continue;
+        start.motion = motion_.At(t, start.pixel);
+        const double cost = off / tolerance + (AtEdge(start) ? 1 : 0) + (start.motion < 1 ? 1 : 0);
+        if (cost < least) {
+          least = cost;
+          best = start;
+        }
+      }
+    }
+    return best;
+  }
+
+  bool AtEdge(const Start& start) const {
+    const auto reach = static_cast<double>(DepthRadius(clip_) + 1);
+    for (const Pixel step : {Pixel{reach, 0}, Pixel{-reach, 0}, Pixel{0, reach}, Pixel{0, -reach}}) {
+      const double depth =
+          LocalDepth(clip_.depth[At(start.frame)], {start.pixel.u + step.u, start.pixel.v + step.v}, 0);
+      if (!(std::abs(depth - start.distance) < kEdge * start.distance)) return true;
+    }
+    return false;
   }
 
   Start ChooseStart(std::vector<Start> starts) const {

@@ -100,7 +100,10 @@ TEST_CASE("detection is deterministic and survives frames without any surface") 
 TEST_CASE("duplicates on one part are merged, and a given count brings them back") {
   const MovingSpheres clip = RenderMovingSpheres({Sliding({0, 0, 0.3}, {0.25, 0.1, 0}, 1, 30, 0.3)});
   DetectionConfig config = SmallConfig();
+  config.volume_resolution = 64;
+  config.smoothing = 1;
   config.min_distance = 0.04;
+  config.relative_threshold = 0.1;
   const Detection merged = Detect(clip, config);
   for (const auto& note : merged.notes) UNSCOPED_INFO(note);
   CHECK(merged.candidates.size() > 1);
