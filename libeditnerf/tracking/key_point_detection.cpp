@@ -140,15 +140,24 @@ class Detector {
     }
     if (trials.empty()) return first;
     Start best = trials.front();
-    int64_t most = -1;
+    double most = -1;
     for (const Start& trial : trials) {
-      const int64_t visible = Propagate(clip_, nullptr, trial.frame, trial.pixel, options_).CountVisible();
-      if (visible > most) {
-        most = visible;
+      // A track that slipped onto the background is visible for long, but does not move.
+      const PixelTrack track = Propagate(clip_, nullptr, trial.frame, trial.pixel, options_);
+      const double merit = static_cast<double>(CountMoving(track)) + 0.25 * static_cast<double>(track.CountVisible());
+      if (merit > most) {
+        most = merit;
         best = trial;
       }
     }
     return best;
+  }
+
+  int64_t CountMoving(const PixelTrack& track) const {
+    int64_t moving = 0;
+    for (int64_t t = 0; t < clip_.num_frames(); ++t)
+      if (std::isfinite(track.distance[At(t)]) && motion_.At(t, track.pixel[At(t)]) >= 1) ++moving;
+    return moving;
   }
 
   // 3-D positions: on the surface where there is evidence, elsewhere along the pixel's ray at a distance interpolated
@@ -191,13 +200,10 @@ class Detector {
   }
 
   std::string Objection(const Candidate& candidate) const {
-    int64_t moving = 0;
+    const int64_t moving = CountMoving(candidate.pixels);
     std::vector<double> distances;
-    for (int64_t t = 0; t < clip_.num_frames(); ++t) {
-      if (!candidate.track.visible[At(t)]) continue;
-      if (motion_.At(t, candidate.pixels.pixel[At(t)]) >= 1) ++moving;
-      distances.push_back(candidate.pixels.distance[At(t)]);
-    }
+    for (const double distance : candidate.pixels.distance)
+      if (std::isfinite(distance)) distances.push_back(distance);
     const auto seen = static_cast<int64_t>(distances.size());
     if (seen < kLeastVisibleFrames) return fmt::format("its track is visible in {} frames only", seen);
     if (moving < kLeastMovingFrames || static_cast<double>(moving) < kLeastMovingShare * static_cast<double>(seen)) {

@@ -101,7 +101,7 @@ TEST_CASE("duplicates on one part are merged, and a given count brings them back
   const MovingSpheres clip = RenderMovingSpheres({Sliding({0, 0, 0.3}, {0.25, 0.1, 0}, 1, 30, 0.3)});
   DetectionConfig config = SmallConfig();
   config.volume_resolution = 64;
-  config.smoothing = 1;
+  config.smoothing = 0.6;
   config.min_distance = 0.04;
   config.relative_threshold = 0.1;
   const Detection merged = Detect(clip, config);
