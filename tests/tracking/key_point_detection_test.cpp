@@ -118,7 +118,8 @@ TEST_CASE("a part that passes behind another is marked invisible there and found
   const int64_t frames = 40;
   ClipOptions options;
   options.frames = frames;
-  const std::vector<Sphere> spheres = {Sliding({0, 0.25, 0.15}, {0.5, 0, 0}, 1, frames, 0.15), Resting({0.0, -0.6, 0.45}, 0.14)};
+  const std::vector<Sphere> spheres = {Sliding({-0.15, 0.25, 0.2}, {0.6, 0, 0}, 0.5, frames, 0.2),
+                                       Resting({0.1, -0.6, 0.72}, 0.1)};
   const MovingSpheres clip = RenderMovingSpheres(spheres, options);
   const Detection detection = Detect(clip, SmallConfig());
   for (const auto& note : detection.notes) UNSCOPED_INFO(note);
