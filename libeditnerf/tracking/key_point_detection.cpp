@@ -24,7 +24,8 @@ constexpr int64_t kLeastVisibleFrames = 4;
 constexpr double kLeastRange = 0.01;          // of the point's median distance from the camera
 constexpr double kNoiseFactor = 4;            // motion range over noise
 constexpr int64_t kLargestSnap = 12;          // pixels
-constexpr double kEdge = 0.03;                // depth difference of neighbouring pixels, share of the depth
+constexpr double kFlowSupport = 5;            // pixels
+constexpr double kEdge = 0.02;                // depth difference over two pixels that makes an edge, share of the depth
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
 
@@ -62,7 +63,7 @@ class Detector {
     Candidate candidate;
     candidate.maximum = maximum;
     candidate.start = ChooseStart(std::move(starts));
-    candidate.pixels = Propagate(clip_, &direct_, candidate.start.frame, candidate.start.pixel, options_);
+    candidate.pixels = Propagate(clip_, &direct_, candidate.start.frame, candidate.start.pixel, options_, &motion_);
     candidate.track = Lift(candidate.pixels);
     candidate.motion = MeasureTrackMotion(candidate.track);
     candidate.objection = Objection(candidate);
@@ -90,41 +91,45 @@ class Detector {
     return starts;
   }
 
-  // The pixel around a projection whose surface point lies nearest to `point`, within the tolerance. The ray through the
-  // voxel's centre may just miss a part that is seen edge-on, so the surface is looked for all around; pixels at a depth
-  // discontinuity, where flow is unreliable, and pixels without motion are taken only when there are no others.
+  // The surface pixel around a projection that suits tracking best, if any lies within the tolerance. The ray through the
+  // voxel's centre may just miss a part that is seen edge-on, so the surface is looked for all around; and at the edge of
+  // a part flow is unreliable, so pixels up to twice as far off are taken that move and have their own surface around.
   std::optional<Start> Snap(int64_t t, const Vec3& point, const Pixel& pixel, double tolerance, double phi) const {
     const double pixels_per_unit = clip_.cameras[At(t)].focal_length / phi;
-    const int64_t reach = std::clamp<int64_t>(std::llround(tolerance * pixels_per_unit), 1, kLargestSnap);
+    const int64_t reach = std::clamp<int64_t>(std::llround(2 * tolerance * pixels_per_unit), 1, kLargestSnap);
     std::optional<Start> best;
-    double least = std::numeric_limits<double>::infinity();
+    double least = std::numeric_limits<double>::infinity(), nearest = least;
     for (int64_t dy = -reach; dy <= reach; ++dy) {
       for (int64_t dx = -reach; dx <= reach; ++dx) {
         Start start = {t, {pixel.u + static_cast<double>(dx), pixel.v + static_cast<double>(dy)}, NAN, 0};
         if (!clip_.Inside(start.pixel)) continue;
         start.distance = LocalDepth(clip_.depth[At(t)], start.pixel, 0);
         if (!std::isfinite(start.distance)) continue;
-        const double off = Norm(clip_.Lift(t, start.pixel, start.distance) - point);
-        if (!(off < tolerance)) continue;
+        const double off = Norm(clip_.Lift(t, start.pixel, start.distance) - point) / tolerance;
+        nearest = std::min(nearest, off);
+        if (off > 2) continue;
         start.motion = motion_.At(t, start.pixel);
-        const double cost = off / tolerance + (AtEdge(start) ? 1 : 0) + (start.motion < 1 ? 1 : 0);
+        const double cost = off + 3 * EdgeShare(start) + (start.motion < 1 ? 2 : 0);
         if (cost < least) {
           least = cost;
           best = start;
         }
       }
     }
-    return best;
+    return nearest < 1 ? best : std::nullopt;
   }
 
-  bool AtEdge(const Start& start) const {
-    const auto reach = static_cast<double>(DepthRadius(clip_) + 1);
-    for (const Pixel step : {Pixel{reach, 0}, Pixel{-reach, 0}, Pixel{0, reach}, Pixel{0, -reach}}) {
-      const double depth =
-          LocalDepth(clip_.depth[At(start.frame)], {start.pixel.u + step.u, start.pixel.v + step.v}, 0);
-      if (!(std::abs(depth - start.distance) < kEdge * start.distance)) return true;
+  // Share of the surroundings, as far as dense flow mixes motions, that lies on another surface.
+  double EdgeShare(const Start& start) const {
+    int other = 0, count = 0;
+    for (const double radius : {0.5 * kFlowSupport, 1.0 * kFlowSupport}) {
+      for (int i = 0; i < 8; ++i, ++count) {
+        const Pixel around = {start.pixel.u + radius * std::cos(i * M_PI / 4), start.pixel.v + radius * std::sin(i * M_PI / 4)};
+        const double depth = LocalDepth(clip_.depth[At(start.frame)], around, 0);
+        if (!(std::abs(depth - start.distance) < kEdge * radius / 2 * start.distance)) ++other;
+      }
     }
-    return false;
+    return static_cast<double>(other) / count;
   }
 
   Start ChooseStart(std::vector<Start> starts) const {
@@ -143,7 +148,7 @@ class Detector {
     double most = -1;
     for (const Start& trial : trials) {
       // A track that slipped onto the background is visible for long, but does not move.
-      const PixelTrack track = Propagate(clip_, nullptr, trial.frame, trial.pixel, options_);
+      const PixelTrack track = Propagate(clip_, nullptr, trial.frame, trial.pixel, options_, &motion_);
       const double merit = static_cast<double>(CountMoving(track)) + 0.25 * static_cast<double>(track.CountVisible());
       if (merit > most) {
         most = merit;
