@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "libeditnerf/base/error.h"
@@ -22,6 +23,9 @@ constexpr int64_t kLeastMovingFrames = 3;
 constexpr int64_t kLeastVisibleFrames = 4;
 constexpr double kLeastRange = 0.01;          // of the point's median distance from the camera
 constexpr double kNoiseFactor = 4;            // motion range over noise
+constexpr int64_t kLargestSnap = 12;          // pixels
+constexpr double kFlowSupport = 5;            // pixels
+constexpr double kEdge = 0.02;                // depth difference over two pixels that makes an edge, share of the depth
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
 
@@ -59,7 +63,7 @@ class Detector {
     Candidate candidate;
     candidate.maximum = maximum;
     candidate.start = ChooseStart(std::move(starts));
-    candidate.pixels = Propagate(clip_, &direct_, candidate.start.frame, candidate.start.pixel, options_);
+    candidate.pixels = Propagate(clip_, &direct_, candidate.start.frame, candidate.start.pixel, options_, &motion_);
     candidate.track = Lift(candidate.pixels);
     candidate.motion = MeasureTrackMotion(candidate.track);
     candidate.objection = Objection(candidate);
@@ -71,21 +75,61 @@ class Detector {
   }
 
  private:
-  // Frames in which the point lies on the surface, in time order.
+  // Frames in which the point lies on the surface, in time order, each with the surface's pixel that is to be tracked.
   std::vector<Start> Starts(const Vec3& point, double voxel_size) const {
     std::vector<Start> starts;
     for (int64_t t = 0; t < clip_.num_frames(); ++t) {
       const Projected projected = Project(clip_.cameras[At(t)], point);
-      Start start = {t, {projected.u, projected.v}, 0, 0};
-      if (!projected.valid || !clip_.Inside(start.pixel)) continue;
+      const Pixel pixel = {projected.u, projected.v};
+      if (!projected.valid || !clip_.Inside(pixel)) continue;
       const double phi = Norm(point - clip_.cameras[At(t)].position);
-      start.distance = LocalDepth(clip_.depth[At(t)], start.pixel, DepthRadius(clip_), phi);
-      // A voxel's centre lies up to half its diagonal from the surface points inside it.
-      if (!(std::abs(start.distance - phi) < std::max(config_.reference_delta * phi, voxel_size))) continue;
-      start.motion = motion_.At(t, start.pixel);
-      starts.push_back(start);
+      // Surface points inside a voxel lie up to half its diagonal from its centre.
+      const double tolerance = std::max(config_.reference_delta * phi, voxel_size);
+      const std::optional<Start> start = Snap(t, point, pixel, tolerance, phi);
+      if (start) starts.push_back(*start);
     }
     return starts;
+  }
+
+  // The surface pixel around a projection that suits tracking best, if any lies within the tolerance. The ray through the
+  // voxel's centre may just miss a part that is seen edge-on, so the surface is looked for all around; and at the edge of
+  // a part flow is unreliable, so pixels up to twice as far off are taken that move and have their own surface around.
+  std::optional<Start> Snap(int64_t t, const Vec3& point, const Pixel& pixel, double tolerance, double phi) const {
+    const double pixels_per_unit = clip_.cameras[At(t)].focal_length / phi;
+    const int64_t reach = std::clamp<int64_t>(std::llround(2 * tolerance * pixels_per_unit), 1, kLargestSnap);
+    std::optional<Start> best;
+    double least = std::numeric_limits<double>::infinity(), nearest = least;
+    for (int64_t dy = -reach; dy <= reach; ++dy) {
+      for (int64_t dx = -reach; dx <= reach; ++dx) {
+        Start start = {t, {pixel.u + static_cast<double>(dx), pixel.v + static_cast<double>(dy)}, NAN, 0};
+        if (!clip_.Inside(start.pixel)) continue;
+        start.distance = LocalDepth(clip_.depth[At(t)], start.pixel, 0);
+        if (!std::isfinite(start.distance)) continue;
+        const double off = Norm(clip_.Lift(t, start.pixel, start.distance) - point) / tolerance;
+        nearest = std::min(nearest, off);
+        if (off > 2) continue;
+        start.motion = motion_.At(t, start.pixel);
+        const double cost = off + 3 * EdgeShare(start) + (start.motion < 1 ? 2 : 0);
+        if (cost < least) {
+          least = cost;
+          best = start;
+        }
+      }
+    }
+    return nearest < 1 ? best : std::nullopt;
+  }
+
+  // Share of the surroundings, as far as dense flow mixes motions, that lies on another surface.
+  double EdgeShare(const Start& start) const {
+    int other = 0, count = 0;
+    for (const double radius : {0.5 * kFlowSupport, 1.0 * kFlowSupport}) {
+      for (int i = 0; i < 8; ++i, ++count) {
+        const Pixel around = {start.pixel.u + radius * std::cos(i * M_PI / 4), start.pixel.v + radius * std::sin(i * M_PI / 4)};
+        const double depth = LocalDepth(clip_.depth[At(start.frame)], around, 0);
+        if (!(std::abs(depth - start.distance) < kEdge * radius / 2 * start.distance)) ++other;
+      }
+    }
+    return static_cast<double>(other) / count;
   }
 
   Start ChooseStart(std::vector<Start> starts) const {
@@ -101,15 +145,24 @@ class Detector {
     }
     if (trials.empty()) return first;
     Start best = trials.front();
-    int64_t most = -1;
+    double most = -1;
     for (const Start& trial : trials) {
-      const int64_t visible = Propagate(clip_, nullptr, trial.frame, trial.pixel, options_).CountVisible();
-      if (visible > most) {
-        most = visible;
+      // A track that slipped onto the background is visible for long, but does not move.
+      const PixelTrack track = Propagate(clip_, nullptr, trial.frame, trial.pixel, options_, &motion_);
+      const double merit = static_cast<double>(CountMoving(track)) + 0.25 * static_cast<double>(track.CountVisible());
+      if (merit > most) {
+        most = merit;
         best = trial;
       }
     }
     return best;
+  }
+
+  int64_t CountMoving(const PixelTrack& track) const {
+    int64_t moving = 0;
+    for (int64_t t = 0; t < clip_.num_frames(); ++t)
+      if (std::isfinite(track.distance[At(t)]) && motion_.At(t, track.pixel[At(t)]) >= 1) ++moving;
+    return moving;
   }
 
   // 3-D positions: on the surface where there is evidence, elsewhere along the pixel's ray at a distance interpolated
@@ -152,13 +205,10 @@ class Detector {
   }
 
   std::string Objection(const Candidate& candidate) const {
-    int64_t moving = 0;
+    const int64_t moving = CountMoving(candidate.pixels);
     std::vector<double> distances;
-    for (int64_t t = 0; t < clip_.num_frames(); ++t) {
-      if (!candidate.track.visible[At(t)]) continue;
-      if (motion_.At(t, candidate.pixels.pixel[At(t)]) >= 1) ++moving;
-      distances.push_back(candidate.pixels.distance[At(t)]);
-    }
+    for (const double distance : candidate.pixels.distance)
+      if (std::isfinite(distance)) distances.push_back(distance);
     const auto seen = static_cast<int64_t>(distances.size());
     if (seen < kLeastVisibleFrames) return fmt::format("its track is visible in {} frames only", seen);
     if (moving < kLeastMovingFrames || static_cast<double>(moving) < kLeastMovingShare * static_cast<double>(seen)) {

@@ -9,8 +9,9 @@
 // - The paper takes the first such frame. But a voxel of the swept volume at the height of the floor, or of whatever the
 //   part slides along, is "on a surface" also while the part is elsewhere, and a track that starts on the floor stays
 //   there. So frames are preferred whose surface there moves against the static scene (motion_evidence.h); of the best
-//   few the one whose track stays visible longest is taken. Only where no frame shows motion the paper's rule decides.
-// - k_ref is moved along its ray onto the surface of its reference frame: voxel centres lie up to a voxel off.
+//   few the one whose track moves and stays visible longest is taken. Only where no frame shows motion the paper's rule decides.
+// - k_ref is moved onto the nearest surface point of its reference frame: voxel centres lie up to a voxel off. Points away
+//   from depth edges are preferred, because flow is unreliable there.
 // - Candidates whose tracks do not move by more than noise are dropped, and of candidates on the same rigid part the
 //   strongest is kept (the paper's supplement: duplicates on one object have very similar tracks). Two tracks belong to
 //   one part when their distance stays constant up to merge_distance times their motion range while they move at the

@@ -12,12 +12,38 @@ namespace {
 constexpr int64_t kCellAt320 = 4;
 constexpr double kLeastDistance = 0.75;  // pixels at 320 wide
 constexpr double kNoiseFactor = 4;
+constexpr int64_t kFlowSupport = 5;            // pixels over which dense flow mixes neighbouring motions
 
-// Largest distance between the flow's chain from (t, p) and the projections of the static point; NaN if unknown.
+// Nearest and farthest surface around a pixel; NaN where there is none.
+struct DepthRange {
+  double near = NAN, far = NAN;
+};
+
+DepthRange DepthsAround(const torch::Tensor& depth, const Pixel& p) {
+  const int64_t height = depth.size(0), width = depth.size(1);
+  const float* values = depth.data_ptr<float>();
+  const auto column = static_cast<int64_t>(p.u), row = static_cast<int64_t>(p.v);
+  DepthRange range;
+  for (int64_t r = std::max<int64_t>(row - kFlowSupport, 0); r <= std::min(row + kFlowSupport, height - 1); r += 2) {
+    for (int64_t c = std::max<int64_t>(column - kFlowSupport, 0); c <= std::min(column + kFlowSupport, width - 1); c += 2) {
+      range.near = std::fmin(range.near, values[r * width + c]);
+      range.far = std::fmax(range.far, values[r * width + c]);
+    }
+  }
+  return std::isfinite(range.near) && std::isfinite(range.far) ? range : DepthRange{};
+}
+
+double DistanceToSegment(const Pixel& p, const Pixel& a, const Pixel& b) {
+  const double du = b.u - a.u, dv = b.v - a.v, squared = du * du + dv * dv;
+  const double share = squared > 0 ? std::clamp(((p.u - a.u) * du + (p.v - a.v) * dv) / squared, 0.0, 1.0) : 0.0;
+  return Distance(p, {a.u + share * du, a.v + share * dv});
+}
+
+// Largest distance between the flow's chain from (t, p) and the projections of static points; NaN if unknown.
 double Deviation(const Clip& clip, int64_t t, const Pixel& p, int64_t reach) {
-  const double depth = LocalDepth(clip.depth[static_cast<size_t>(t)], p, 0);
-  if (!std::isfinite(depth)) return NAN;
-  const Vec3 point = clip.Lift(t, p, depth);
+  const DepthRange range = DepthsAround(clip.depth[static_cast<size_t>(t)], p);
+  if (std::isnan(range.near)) return NAN;
+  const Vec3 near = clip.Lift(t, p, range.near), far = clip.Lift(t, p, range.far);
   double largest = NAN;
   for (const int64_t step : {int64_t{1}, int64_t{-1}}) {
     Pixel chained = p;
@@ -26,9 +52,10 @@ double Deviation(const Clip& clip, int64_t t, const Pixel& p, int64_t reach) {
       if (!flow.checked) break;
       chained = {chained.u + flow.du, chained.v + flow.dv};
       if (!clip.Inside(chained)) break;
-      const Projected still = Project(clip.cameras[static_cast<size_t>(s + step)], point);
-      if (!still.valid) break;
-      largest = std::fmax(largest, Distance(chained, {still.u, still.v}));
+      const Camera& camera = clip.cameras[static_cast<size_t>(s + step)];
+      const Projected still_near = Project(camera, near), still_far = Project(camera, far);
+      if (!still_near.valid || !still_far.valid) break;
+      largest = std::fmax(largest, DistanceToSegment(chained, {still_near.u, still_near.v}, {still_far.u, still_far.v}));
     }
   }
   return largest;

@@ -17,8 +17,9 @@ size_t At(int64_t t) { return static_cast<size_t>(t); }
 // One direction of one track.
 class Walk {
  public:
-  Walk(const Clip& clip, DirectFlows* direct, int64_t step, const PropagationOptions& options, PixelTrack* track)
-      : clip_(clip), direct_(direct), step_(step), options_(options), track_(*track) {}
+  Walk(const Clip& clip, DirectFlows* direct, const MotionEvidence* motion, int64_t step,
+       const PropagationOptions& options, PixelTrack* track)
+      : clip_(clip), direct_(direct), motion_(motion), step_(step), options_(options), track_(*track) {}
 
   void Run() {
     const int64_t reference = track_.reference_frame;
@@ -41,10 +42,13 @@ class Walk {
   }
 
  private:
-  // The surface at a position unless something nearer than expected is in the way; `hidden` tells the two apart.
-  double Surface(int64_t t, const Pixel& p, bool* hidden) const {
+  // The surface at a position; `elsewhere` when it cannot be the point's: something nearer is in the way, or the static
+  // background shows.
+  double Surface(int64_t t, const Pixel& p, bool* elsewhere) const {
     const double found = LocalDepth(clip_.depth[At(t)], p, DepthRadius(clip_), expected_);
-    *hidden = found < expected_ * (1 - options_.depth_jump);
+    const bool nearer = found < expected_ * (1 - options_.depth_jump);
+    const bool farther = found > expected_ * (1 + options_.depth_jump);
+    *elsewhere = nearer || (farther && motion_ && motion_->At(t, p) < 1);
     return found;
   }
 
@@ -56,9 +60,9 @@ class Walk {
     if (lost_) return;
     const FlowSample flow = clip_.Step(t - step_, step_, position_);
     const Pixel next = {position_.u + flow.du, position_.v + flow.dv};
-    bool hidden = false;
-    const double surface = flow.valid && clip_.Inside(next) ? Surface(t, next, &hidden) : NAN;
-    if (!flow.valid || !clip_.Inside(next) || hidden) {
+    bool elsewhere = false;
+    const double surface = flow.valid && clip_.Inside(next) ? Surface(t, next, &elsewhere) : NAN;
+    if (!flow.valid || !clip_.Inside(next) || elsewhere) {
       lost_ = true;
       return;
     }
@@ -89,20 +93,20 @@ class Walk {
   }
 
   void Found(int64_t t, const Pixel& p) {
-    bool hidden = false;
+    bool elsewhere = false;
     position_ = p;
     lost_ = false;
     unchecked_ = 0;
-    Trust(Surface(t, p, &hidden));
+    Trust(Surface(t, p, &elsewhere));
   }
 
   void Skip(int64_t t) {
     const int64_t reference = track_.reference_frame;
     const DirectFlows::Match match = direct_->Find(reference, t, track_.pixel[At(reference)]);
     if (!match.valid || match.error >= options_.skip_max_error || !clip_.Inside(match.pixel)) return;
-    bool hidden = false;
-    Surface(t, match.pixel, &hidden);
-    if (hidden) return;
+    bool elsewhere = false;
+    Surface(t, match.pixel, &elsewhere);
+    if (elsewhere) return;
     const double similarity = Similarity(reference, t, match.pixel);
     const bool followed = !lost_ && unchecked_ == 0;
     if (similarity < (followed ? Similarity(reference, t, position_) - kSimilaritySlack : kReacquireSimilarity)) return;
@@ -120,6 +124,9 @@ class Walk {
       const FlowSample flow = clip_.Step(s + step_, -step_, back);
       back = {back.u + flow.du, back.v + flow.dv};
       if (!flow.valid || !flow.checked || !clip_.Inside(back)) return;
+      bool elsewhere = false;
+      Surface(s, back, &elsewhere);
+      if (elsewhere) return;
       const Pixel chained = track_.pixel[At(s)];
       const double share = static_cast<double>(std::abs(s - anchor_)) / span;
       if (track_.visible[At(s)] && Distance(chained, back) < kBlendDistance * clip_.PixelScale()) {
@@ -141,13 +148,14 @@ class Walk {
     next_attempt_ = gap + std::max<int64_t>(1, gap / 3);
     const DirectFlows::Match match = direct_->Find(last_seen_, t, track_.pixel[At(last_seen_)]);
     if (!match.valid || match.error >= options_.skip_max_error || !clip_.Inside(match.pixel)) return;
-    bool hidden = false;
-    Surface(t, match.pixel, &hidden);
-    if (!hidden && Similarity(last_seen_, t, match.pixel) >= kReacquireSimilarity) Found(t, match.pixel);
+    bool elsewhere = false;
+    Surface(t, match.pixel, &elsewhere);
+    if (!elsewhere && Similarity(last_seen_, t, match.pixel) >= kReacquireSimilarity) Found(t, match.pixel);
   }
 
   const Clip& clip_;
   DirectFlows* direct_;
+  const MotionEvidence* motion_;
   int64_t step_;
   const PropagationOptions& options_;
   PixelTrack& track_;
@@ -211,7 +219,7 @@ int64_t DepthRadius(const Clip& clip) { return std::max<int64_t>(1, std::llround
 int64_t PixelTrack::CountVisible() const { return std::count(visible.begin(), visible.end(), true); }
 
 PixelTrack Propagate(const Clip& clip, DirectFlows* direct, int64_t reference_frame, const Pixel& start,
-                     const PropagationOptions& options) {
+                     const PropagationOptions& options, const MotionEvidence* motion) {
   if (reference_frame < 0 || reference_frame >= clip.num_frames() || !clip.Inside(start)) {
     Throw<ShapeError>("propagation: position ({}, {}) in frame {} lies outside {} frames of {} x {} pixels", start.u, start.v,
                       reference_frame, clip.num_frames(), clip.width, clip.height);
@@ -224,8 +232,8 @@ PixelTrack Propagate(const Clip& clip, DirectFlows* direct, int64_t reference_fr
   track.distance.assign(frames, NAN);
   track.visible[At(reference_frame)] = true;
   track.distance[At(reference_frame)] = LocalDepth(clip.depth[At(reference_frame)], start, DepthRadius(clip));
-  Walk(clip, direct, 1, options, &track).Run();
-  Walk(clip, direct, -1, options, &track).Run();
+  Walk(clip, direct, motion, 1, options, &track).Run();
+  Walk(clip, direct, motion, -1, options, &track).Run();
   MeasureDistances(clip, options, &track);
   FillGaps(&track);
   std::sort(track.links.begin(), track.links.end(), [](const auto& a, const auto& b) { return a.frame < b.frame; });

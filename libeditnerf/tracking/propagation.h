@@ -9,13 +9,17 @@
 //   is taken only where the patch it leads to resembles the reference patch at least as much as the chain's does.
 // - The frames between two anchors are corrected too: chained from both ends and blended.
 // - A point whose flow fails the forward-backward check, that leaves the image, or before which something nearer appears
-//   is lost, not followed; it is looked for again by direct flow from the last frame that saw it.
+//   is lost, not followed; it is looked for again by direct flow from the last frame that saw it. A surface that is
+//   suddenly farther away has two causes: the depth map misses the part, then the point is followed without depth; or
+//   the chain slipped off the part's edge onto the background. Only in the second case the flow there is that of the
+//   static scene.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
 #include "libeditnerf/tracking/clip.h"
+#include "libeditnerf/tracking/motion_evidence.h"
 
 namespace editnerf {
 
@@ -42,9 +46,10 @@ struct PixelTrack {
   int64_t CountVisible() const;
 };
 
-// `direct` may be null: then there are no skips and lost points stay lost. `start` must lie inside frame reference_frame.
+// `direct` may be null: then there are no skips and lost points stay lost. `motion` may be null: then every surface that
+// is suddenly farther away is a failure of the depth map. `start` must lie inside frame reference_frame.
 PixelTrack Propagate(const Clip& clip, DirectFlows* direct, int64_t reference_frame, const Pixel& start,
-                     const PropagationOptions& options);
+                     const PropagationOptions& options, const MotionEvidence* motion = nullptr);
 
 // Radius in pixels of the patches and depth windows at this clip's size.
 int64_t PatchRadius(const Clip& clip);

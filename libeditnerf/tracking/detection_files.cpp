@@ -1,0 +1,75 @@
+#if __has_include("libeditnerf/imaging/key_point_files.h")
+#include <nlohmann/json.hpp>
+
+#include "libeditnerf/base/file.h"
+#include "libeditnerf/imaging/image_file.h"
+#include "libeditnerf/imaging/key_point_files.h"
+#include "libeditnerf/tracking/detection_pictures.h"
+#include "libeditnerf/tracking/detection_run.h"
+
+namespace editnerf {
+namespace {
+
+nlohmann::json Describe(const TrackResiduals& residuals) {
+  return {{"motion_pixels", residuals.motion},          {"motion_terms", residuals.motion_terms},
+          {"geometry_scene_units", residuals.geometry}, {"geometry_terms", residuals.geometry_terms},
+          {"skip_pixels", residuals.skip},              {"skip_terms", residuals.skip_terms}};
+}
+
+nlohmann::json Describe(const Scene& scene, const DetectionRun& run) {
+  const Detection& detection = run.detection;
+  const auto id_of = [&scene](int64_t t) {
+    return scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(t)])].id;
+  };
+  nlohmann::json points = nlohmann::json::array();
+  for (int64_t n = 0; n < detection.count(); ++n) {
+    const auto i = static_cast<size_t>(n);
+    const float* p = detection.reference.data_ptr<float>() + 3 * n;
+    nlohmann::json visible = nlohmann::json::array();
+    for (int64_t t = 0; t < detection.visible.size(0); ++t) visible.push_back(detection.visible[t][n].item<bool>());
+    nlohmann::json skips = nlohmann::json::array();
+    for (const SkipLink& link : detection.pixel_tracks[i].links) skips.push_back(id_of(link.frame));
+    nlohmann::json point = {{"reference", {p[0], p[1], p[2]}},
+                            {"reference_frame", id_of(detection.reference_frame[i])},
+                            {"score", detection.score[n].item<double>()},
+                            {"visible", visible},
+                            {"skips", skips}};
+    if (i < run.refined.size()) {
+      point["residuals_before"] = Describe(run.refined[i].before);
+      point["residuals_after"] = Describe(run.refined[i].after);
+    }
+    points.push_back(point);
+  }
+  nlohmann::json ids = nlohmann::json::array();
+  for (size_t t = 0; t < scene.train.size(); ++t) ids.push_back(id_of(static_cast<int64_t>(t)));
+  return {{"count", detection.count()},
+          {"units", "scene"},
+          {"training_ids", ids},
+          {"key_points", points},
+          {"candidates", detection.candidates.size()},
+          {"notes", detection.notes}};
+}
+
+}  // namespace
+
+void WriteDetection(const Scene& scene, const PretrainedMaps& maps, const DetectionRun& run,
+                    const std::filesystem::path& folder) {
+  MakeFolder(folder / "data");
+  MakeFolder(folder / "depth");
+  MakeFolder(folder / "flow");
+  if (run.detection.count() > 0) {
+    const LocalCoordinates coordinates = ToLocalCoordinates(run.detection.tracks);
+    WriteKeyPointFiles(folder, {coordinates.local, coordinates.scale, coordinates.offset});
+  }
+  for (size_t t = 0; t < scene.train.size(); ++t) {
+    const std::string& id = scene.frames[static_cast<size_t>(scene.train[t])].id;
+    WriteMedianDepth(folder, id, maps.depth[static_cast<int64_t>(t)]);
+    if (t + 1 < scene.train.size()) WriteFlow(folder, id, run.flows.forward[static_cast<int64_t>(t)]);
+  }
+  WriteFileAtomically(folder / "data" / "detection.json", Describe(scene, run).dump(2) + "\n");
+  WritePng(folder / "data" / "variance.png", VariancePicture(run.detection));
+  WritePng(folder / "data" / "tracks.png", TracksPicture(scene, run.detection));
+}
+
+}  // namespace editnerf
+#endif

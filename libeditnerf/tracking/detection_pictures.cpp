@@ -1,0 +1,135 @@
+#include "libeditnerf/tracking/detection_pictures.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "libeditnerf/base/shape.h"
+
+namespace editnerf {
+namespace {
+
+constexpr int kPanelSide = 320;  // pixels of the volume's longest side
+constexpr int kGap = 8;
+constexpr int64_t kTrailFrames = 12;
+constexpr int kSubPixelBits = 3;
+
+cv::Scalar ColorOf(int64_t n) {
+  static const std::array<std::array<int, 3>, 8> colors = {{{255, 70, 60}, {70, 200, 255}, {255, 210, 50}, {90, 255, 110},
+                                                            {255, 110, 240}, {255, 150, 50}, {140, 130, 255}, {255, 255, 255}}};
+  const auto& c = colors[static_cast<size_t>(n) % colors.size()];
+  return {static_cast<double>(c[0]), static_cast<double>(c[1]), static_cast<double>(c[2])};
+}
+
+torch::Tensor ToTensor(const cv::Mat& image) {
+  return torch::from_blob(image.data, {image.rows, image.cols, 3}, torch::kUInt8).clone();
+}
+
+cv::Point FixedPoint(double u, double v) {
+  const double scale = 1 << kSubPixelBits;
+  return {static_cast<int>(std::lround((u - 0.5) * scale)), static_cast<int>(std::lround((v - 0.5) * scale))};
+}
+
+// One projection of the volume: `right` and `up` are axes, `up_sign` -1 where the axis points down in the picture.
+struct Panel {
+  int64_t along, right, vertical;
+  bool flipped;  // the vertical axis points up
+};
+
+cv::Mat DrawPanel(const Detection& detection, const Panel& panel, double strongest) {
+  const SurfaceVolume& volume = detection.volume;
+  torch::Tensor values = std::get<0>(volume.smoothed.max(panel.along));
+  if (panel.right < panel.vertical) values = values.t();  // rows: vertical, columns: right
+  if (panel.flipped) values = values.flip(0);
+  values = (values / strongest * 255).clamp(0, 255).to(torch::kUInt8).contiguous();
+  const cv::Mat gray(static_cast<int>(values.size(0)), static_cast<int>(values.size(1)), CV_8UC1, values.data_ptr<uint8_t>());
+  const double scale = kPanelSide * volume.voxel_size / volume.LongestSide();
+  const cv::Size size(std::max(1, static_cast<int>(std::lround(gray.cols * scale))),
+                      std::max(1, static_cast<int>(std::lround(gray.rows * scale))));
+  cv::Mat large, image;
+  cv::resize(gray, large, size, 0, 0, cv::INTER_NEAREST);
+  cv::applyColorMap(large, image, cv::COLORMAP_INFERNO);
+  cv::cvtColor(image, image, cv::COLOR_BGR2RGB);
+  const auto place = [&](const Vec3& p) {
+    const double cells[3] = {(p.x - volume.origin.x) / volume.voxel_size, (p.y - volume.origin.y) / volume.voxel_size,
+                             (p.z - volume.origin.z) / volume.voxel_size};
+    const double v = panel.flipped ? gray.rows - cells[panel.vertical] : cells[panel.vertical];
+    return FixedPoint(cells[panel.right] * scale, v * scale);
+  };
+  for (const VolumeMaximum& candidate : detection.candidates)
+    cv::circle(image, place(candidate.point), 2 << kSubPixelBits, {200, 200, 200}, cv::FILLED, cv::LINE_AA, kSubPixelBits);
+  for (int64_t n = 0; n < detection.count(); ++n) {
+    const float* p = detection.reference.data_ptr<float>() + 3 * n;
+    cv::circle(image, place({p[0], p[1], p[2]}), 7 << kSubPixelBits, ColorOf(n), 2, cv::LINE_AA, kSubPixelBits);
+  }
+  return image;
+}
+
+void DrawTrails(cv::Mat& image, const Scene& scene, const Detection& detection, int64_t t, int factor) {
+  const int64_t count = detection.count();
+  const float* tracks = detection.tracks.data_ptr<float>();
+  const Camera& camera = scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(t)])].camera;
+  for (int64_t n = 0; n < count; ++n) {
+    cv::Point last;
+    bool connected = false;
+    for (int64_t s = std::max<int64_t>(0, t - kTrailFrames); s <= t; ++s) {
+      const float* p = tracks + 3 * (s * count + n);
+      const Projected projected = Project(camera, {p[0], p[1], p[2]});  // as this frame's camera sees the past
+      const bool drawable = projected.valid && std::abs(projected.u) < 1e5 && std::abs(projected.v) < 1e5;
+      const cv::Point here = FixedPoint(projected.u * factor, projected.v * factor);
+      if (drawable && connected) cv::line(image, last, here, ColorOf(n), factor, cv::LINE_AA, kSubPixelBits);
+      if (drawable && s == t) {
+        const bool visible = detection.visible[t][n].item<bool>();
+        cv::circle(image, here, (2 + factor) << kSubPixelBits, ColorOf(n), visible ? cv::FILLED : 1, cv::LINE_AA, kSubPixelBits);
+        if (visible) cv::circle(image, here, (3 + factor) << kSubPixelBits, {0, 0, 0}, 1, cv::LINE_AA, kSubPixelBits);
+      }
+      last = here;
+      connected = drawable;
+    }
+  }
+}
+
+}  // namespace
+
+torch::Tensor VariancePicture(const Detection& detection) {
+  const double strongest = std::max(detection.volume.smoothed.max().item<double>(), 1e-12);
+  std::vector<cv::Mat> panels;
+  for (const Panel& panel : {Panel{2, 0, 1, false}, Panel{1, 0, 2, true}, Panel{0, 1, 2, true}})
+    panels.push_back(DrawPanel(detection, panel, strongest));
+  int width = kGap, height = 0;
+  for (const cv::Mat& panel : panels) {
+    width += panel.cols + kGap;
+    height = std::max(height, panel.rows + 2 * kGap);
+  }
+  cv::Mat sheet(height, width, CV_8UC3, cv::Scalar(40, 40, 40));
+  int left = kGap;
+  for (const cv::Mat& panel : panels) {
+    panel.copyTo(sheet(cv::Rect(left, kGap, panel.cols, panel.rows)));
+    left += panel.cols + kGap;
+  }
+  return ToTensor(sheet);
+}
+
+torch::Tensor TracksPicture(const Scene& scene, const Detection& detection, int64_t count, int64_t columns) {
+  const auto frames = static_cast<int64_t>(scene.train.size());
+  CheckShape(detection.tracks, {frames, kAny, 3}, "key point tracks");
+  count = std::clamp<int64_t>(count, 1, frames);
+  columns = std::clamp<int64_t>(columns, 1, count);
+  const int64_t rows = (count + columns - 1) / columns;
+  const int factor = scene.width() < 240 ? 2 : 1;
+  const int width = static_cast<int>(scene.width()) * factor, height = static_cast<int>(scene.height()) * factor;
+  cv::Mat sheet(static_cast<int>(rows) * height, static_cast<int>(columns) * width, CV_8UC3, cv::Scalar(40, 40, 40));
+  for (int64_t i = 0; i < count; ++i) {
+    const int64_t t = count > 1 ? i * (frames - 1) / (count - 1) : 0;
+    const torch::Tensor source = scene.images[scene.train[static_cast<size_t>(t)]].contiguous();
+    const cv::Mat frame(static_cast<int>(scene.height()), static_cast<int>(scene.width()), CV_8UC3, source.data_ptr<uint8_t>());
+    cv::Mat image;
+    cv::resize(frame, image, cv::Size(width, height), 0, 0, cv::INTER_LINEAR);
+    DrawTrails(image, scene, detection, t, factor);
+    image.copyTo(sheet(cv::Rect(static_cast<int>(i % columns) * width, static_cast<int>(i / columns) * height, width, height)));
+  }
+  return ToTensor(sheet);
+}
+
+}  // namespace editnerf

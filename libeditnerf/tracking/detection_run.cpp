@@ -1,0 +1,60 @@
+#include "libeditnerf/tracking/detection_run.h"
+
+#include "libeditnerf/base/logging.h"
+#include "libeditnerf/base/shape.h"
+#include "libeditnerf/tracking/clip.h"
+
+namespace editnerf {
+namespace {
+
+constexpr double kSmallestRange = 0.01;  // scene units
+
+}  // namespace
+
+DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& maps, const DetectionConfig& config,
+                          const OpticalFlow& flow) {
+  maps.Check(scene);
+  DetectionRun run;
+  run.flows = ComputeFlowSequence(scene.images.index_select(0, torch::tensor(scene.train)), flow);
+  run.detection = DetectKeyPoints(scene, maps, run.flows, flow, config);
+  if (config.refine && run.detection.count() > 0) {
+    run.refined = RefineTracks(MakeClip(scene, maps.depth, run.flows), &run.detection);
+  }
+  for (const std::string& note : run.detection.notes) LogInfo("detection: {}", note);
+  for (size_t n = 0; n < run.refined.size(); ++n) {
+    const TrackResiduals &before = run.refined[n].before, &after = run.refined[n].after;
+    LogInfo("key point {}: motion residual {:.3f} -> {:.3f} pixels, depth residual {:.4f} -> {:.4f} scene units", n,
+            before.motion, after.motion, before.geometry, after.geometry);
+  }
+  if (run.detection.count() == 0) {
+    LogWarning("{}: no key points found: {}", scene.name, run.detection.notes.empty() ? "" : run.detection.notes.back());
+  }
+  return run;
+}
+
+LocalCoordinates ToLocalCoordinates(const torch::Tensor& tracks) {
+  CheckShape(tracks, {kAny, kAny, 3}, "key point tracks");
+  const torch::Tensor positions = tracks.to(torch::kFloat64);
+  LocalCoordinates result;
+  if (positions.size(1) == 0) {
+    result.local = positions;
+    result.scale = torch::zeros({0}, torch::kFloat64);
+    result.offset = torch::zeros({0, 3}, torch::kFloat64);
+    return result;
+  }
+  const torch::Tensor spread = torch::quantile(positions, 0.9, 0) - torch::quantile(positions, 0.1, 0);
+  const torch::Tensor range = std::get<0>(spread.max(1));
+  for (int64_t n = 0; n < range.size(0); ++n) {
+    if (range[n].item<double>() < kSmallestRange) {
+      LogWarning("key point {}: its track moves by {:.4f} scene units only; its scale is that of {}", n,
+                 range[n].item<double>(), kSmallestRange);
+    }
+  }
+  result.scale = 1 / range.clamp_min(kSmallestRange);
+  const torch::Tensor scaled = positions * result.scale.view({1, -1, 1});
+  result.offset = -scaled.mean(0);
+  result.local = scaled + result.offset;
+  return result;
+}
+
+}  // namespace editnerf

@@ -1,0 +1,41 @@
+// The detection stage from maps to files: flow, key points, refinement, and everything that training and people read.
+#pragma once
+
+#include <torch/types.h>
+
+#include <filesystem>
+#include <vector>
+
+#include "libeditnerf/config/config.h"
+#include "libeditnerf/scene/scene.h"
+#include "libeditnerf/tracking/key_point_detection.h"
+#include "libeditnerf/tracking/track_refinement.h"
+
+namespace editnerf {
+
+struct DetectionRun {
+  Detection detection;                // tracks are the refined ones where config.refine
+  std::vector<RefinedTrack> refined;  // N; empty without config.refine
+  FlowSequence flows;
+};
+
+// Flow of the training images, detection, refinement. Notes go to the log; a warning says so when nothing was found.
+DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& maps, const DetectionConfig& config,
+                          const OpticalFlow& flow = DisFlow());
+
+// Local coordinates of EditableNeRF's supplement: q = s k + b with s = 1 / max over axes of (90th - 10th percentile of the
+// track), b = -mean of the scaled track. A range under 0.01 scene units counts as that much, with a warning.
+struct LocalCoordinates {
+  torch::Tensor local;   // [T, N, 3] float64
+  torch::Tensor scale;   // [N] float64
+  torch::Tensor offset;  // [N, 3] float64
+};
+LocalCoordinates ToLocalCoordinates(const torch::Tensor& tracks);  // [T, N, 3], scene units
+
+// Into `folder` (a scene folder): data/k_points_auto.txt and k_points_auto_coor_I.txt (where there are key points),
+// data/detection.json, data/variance.png, data/tracks.png, depth/depth_median_ID.npy, flow/flow_ID.npy.
+// Throws DataError naming the file that cannot be written.
+void WriteDetection(const Scene& scene, const PretrainedMaps& maps, const DetectionRun& run,
+                    const std::filesystem::path& folder);
+
+}  // namespace editnerf
