@@ -52,7 +52,6 @@ AdamOptions OptionsOf(const Config& config) {
 Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision> supervision,
                  std::filesystem::path folder)
     : run_(std::move(run)),
-      scene_(scene),
       stage_(StageOf(run_)),
       supervision_(std::move(supervision)),
       folder_(std::move(folder)),
@@ -76,7 +75,8 @@ void Trainer::Resume(const std::map<std::string, torch::Tensor>& extra) {
   resumed_step_ = run_.counters.step;
   const auto generator = extra.find("generator");
   if (generator == extra.end()) Throw<CheckpointError>("checkpoint: the random generator's state is missing");
-  at::detail::getDefaultCPUGenerator().set_state(generator->second);
+  at::Generator sequence = at::detail::getDefaultCPUGenerator();
+  sequence.set_state(generator->second);
 }
 
 double Trainer::Progress() const { return StageProgress(stage_, run_.counters.step, run_.counters.seconds_training); }

@@ -44,7 +44,6 @@ class Trainer {
   void Save();
 
   Run run_;
-  const Scene& scene_;
   StageConfig stage_;
   std::optional<KeyPointSupervision> supervision_;
   std::filesystem::path folder_;

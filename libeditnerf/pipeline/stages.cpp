@@ -1,0 +1,147 @@
+#include "libeditnerf/pipeline/stages.h"
+
+#include <cmath>
+#include <limits>
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/logging.h"
+#include "libeditnerf/base/progress.h"
+#include "libeditnerf/config/yaml.h"
+#include "libeditnerf/imaging/key_point_files.h"
+#include "libeditnerf/imaging/scene_folder.h"
+#include "libeditnerf/render/image_renderer.h"
+#include "libeditnerf/scene/packed_scene.h"
+#include "libeditnerf/training/trainer.h"
+
+namespace editnerf {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool HasCheckpoint(const fs::path& folder) { return fs::exists(folder / "checkpoint.safetensors"); }
+
+std::vector<std::string> TrainingIds(const Scene& scene) {
+  std::vector<std::string> ids;
+  for (const int64_t frame : scene.train) ids.push_back(scene.frames[static_cast<size_t>(frame)].id);
+  return ids;
+}
+
+// A resumed run must be of this scene; its limits of steps and seconds are those asked for now.
+LoadedRun Reopen(const Scene& scene, const StageRequest& request, FieldStage stage) {
+  LoadedRun loaded = LoadRunWithExtra(request.out, request.device);
+  Run& run = loaded.run;
+  if (run.stage != stage) {
+    Throw<CheckpointError>("{}: a run of the other stage lies here; give another --out", request.out.string());
+  }
+  if (TrainingIds(run.scene) != TrainingIds(scene)) {
+    Throw<CheckpointError>("{}: this run was trained on other frames than {} has; give another --out",
+                           request.out.string(), scene.name);
+  }
+  run.config.pretrain = request.config.pretrain;
+  run.config.train = request.config.train;
+  return loaded;
+}
+
+Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage, const torch::Tensor& tracks,
+               std::optional<KeyPointSupervision> supervision) {
+  LoadedRun loaded;
+  const bool resumed = request.resume && HasCheckpoint(request.out);
+  if (resumed) {
+    loaded = Reopen(scene, request, stage);
+    LogInfo("continuing {} at step {}", request.out.string(), loaded.run.counters.step);
+  } else {
+    loaded.run = MakeRun(request.config, stage, scene, tracks, request.device);
+  }
+  loaded.run.scene_path = fs::absolute(request.scene_folder).lexically_normal().string();
+  Trainer trainer(loaded.run, scene, std::move(supervision), request.out);
+  if (resumed) trainer.Resume(loaded.extra);
+  trainer.Train();
+  return trainer.run();
+}
+
+torch::Tensor Enlarge(const torch::Tensor& map, int64_t height, int64_t width) {
+  const auto index = [](int64_t from, int64_t to) {
+    return ((torch::arange(to, torch::kFloat64) + 0.5) * static_cast<double>(from) / static_cast<double>(to))
+        .floor().to(torch::kInt64).clamp_max(from - 1);
+  };
+  return map.index_select(0, index(map.size(0), height)).index_select(1, index(map.size(1), width));
+}
+
+}  // namespace
+
+Scene OpenScene(const fs::path& path, const DataConfig& config) {
+  if (path.extension() == ".safetensors") return LoadPackedScene(path);
+  return ReadSceneFolder(path, config);
+}
+
+PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels) {
+  const torch::NoGradGuard no_grad;
+  const int64_t height = scene.height(), width = scene.width(), count = static_cast<int64_t>(scene.train.size());
+  const double pixels = static_cast<double>(height * width * count);
+  const double factor = std::min(1.0, std::sqrt(static_cast<double>(max_pixels) / pixels));
+  const auto reduced = [&](int64_t side) {
+    return std::max<int64_t>(1, std::llround(static_cast<double>(side) * factor));
+  };
+  run.field->eval();
+  PretrainedMaps maps;
+  std::vector<torch::Tensor> depth, ambient, canonical;
+  Progress bar("surfaces", static_cast<double>(count));
+  for (int64_t t = 0; t < count; ++t) {
+    const Camera& camera = scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(t)])].camera;
+    const FrameStates states = run.field->States(torch::tensor({t}, torch::kInt64).to(run.device));
+    ImageOptions options;
+    options.tensor = torch::TensorOptions(torch::kFloat32).device(run.device);
+    const RenderedImage image = RenderImage(
+        *run.field, *run.renderer, factor < 1 ? camera.Resized(reduced(width), reduced(height)) : camera, states, options);
+    const auto full = [&](const torch::Tensor& map) { return Enlarge(map.to(torch::kCPU), height, width); };
+    depth.push_back(full(image.depth));
+    ambient.push_back(full(image.ambient));
+    if (run.config.field.warp.enabled) canonical.push_back(full(image.x_canonical));
+    bar.Update(static_cast<double>(t + 1));
+  }
+  bar.Finish();
+  maps.depth = torch::stack(depth);
+  maps.ambient = torch::stack(ambient);
+  if (!canonical.empty()) maps.x_canonical = torch::stack(canonical);
+  return maps;
+}
+
+void RunPretraining(const Scene& scene, const StageRequest& request) {
+  Run run = TrainStage(scene, request, FieldStage::kPretrain, torch::Tensor(), std::nullopt);
+  WritePretrainedMaps(RenderSurfaceMaps(run, scene), scene, request.out);
+}
+
+DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const fs::path& folder) {
+  const std::vector<std::string> ids = TrainingIds(scene);
+  DetectedKeyPoints detected;
+  if (!HasKeyPointFiles(folder)) {
+    detected.tracks = torch::zeros({static_cast<int64_t>(ids.size()), 0, 3});
+    return detected;
+  }
+  detected.tracks = ReadKeyPointFiles(folder).InSceneUnits().to(torch::kFloat32);
+  if (detected.tracks.size(0) != static_cast<int64_t>(ids.size())) {
+    Throw<DataError>("{}: data/k_points_auto.txt has {} rows, expected one for each of the {} training frames",
+                     folder.string(), detected.tracks.size(0), ids.size());
+  }
+  KeyPointSupervision supervision;
+  supervision.depth = ReadMedianDepths(folder, ids);
+  supervision.flow = ReadFlows(folder, std::vector<std::string>(ids.begin(), ids.end() - 1));
+  for (const torch::Tensor& map : {supervision.depth, supervision.flow}) {
+    if (map.size(1) != scene.height() || map.size(2) != scene.width()) {
+      Throw<DataError>("{}: depth and flow have {} x {} pixels, the images {} x {}; detect again at this image size",
+                       folder.string(), map.size(2), map.size(1), scene.width(), scene.height());
+    }
+  }
+  detected.supervision = supervision;
+  return detected;
+}
+
+void RunTraining(const Scene& scene, const StageRequest& request, const fs::path& detection_folder) {
+  DetectedKeyPoints detected = ReadDetectedKeyPoints(scene, detection_folder);
+  if (detected.tracks.size(1) == 0) {
+    LogWarning("{}: no key points (data/k_points_auto.txt); training a static scene", detection_folder.string());
+  }
+  TrainStage(scene, request, FieldStage::kTrain, detected.tracks, std::move(detected.supervision));
+}
+
+}  // namespace editnerf

@@ -1,0 +1,46 @@
+// The stages of the whole way as functions: what the programs call, and what an embedding program can call too.
+#pragma once
+
+#include <torch/types.h>
+
+#include <filesystem>
+#include <optional>
+
+#include "libeditnerf/config/config.h"
+#include "libeditnerf/scene/scene.h"
+#include "libeditnerf/tracking/pretrained_maps.h"
+#include "libeditnerf/training/key_point_supervision.h"
+#include "libeditnerf/training/run.h"
+
+namespace editnerf {
+
+struct StageRequest {
+  std::filesystem::path scene_folder;
+  std::filesystem::path out;  // run folder
+  Config config;
+  torch::Device device = torch::kCPU;
+  bool resume = false;        // continue from a checkpoint in `out`, where there is one
+};
+
+// A scene folder, or a packed scene (*.safetensors). Throws DataError.
+Scene OpenScene(const std::filesystem::path& path, const DataConfig& config);
+
+// Trains the HyperNeRF and writes RUN with surface_maps.safetensors. Throws Interrupted after Ctrl-C.
+void RunPretraining(const Scene& scene, const StageRequest& request);
+
+// Trains the editable field from the key points, flow and depth that detection left in the scene folder (or in
+// `detection_folder`), and writes RUN. A scene without key points is trained as a static one, with a warning.
+void RunTraining(const Scene& scene, const StageRequest& request, const std::filesystem::path& detection_folder);
+
+// Depth, ambient coordinates and canonical positions at the surface of every training view. At most
+// `max_pixels` are rendered in all: larger sequences at a fraction of their size, enlarged to the nearest pixel.
+PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels = 3'000'000);
+
+// What detection wrote: tracks [T, N, 3] in scene units (N = 0 where there are none) and the key points' supervision.
+struct DetectedKeyPoints {
+  torch::Tensor tracks;
+  std::optional<KeyPointSupervision> supervision;
+};
+DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const std::filesystem::path& folder);
+
+}  // namespace editnerf
