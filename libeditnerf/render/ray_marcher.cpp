@@ -73,8 +73,9 @@ RayPadding::RayPadding(const PackedSamples& samples) : rays_(samples.offsets.siz
 }
 
 torch::Tensor RayPadding::Pad(const torch::Tensor& values) const {
-  const auto flat = torch::zeros(WithSizes({rays_ * width_}, values, 1), values.options().requires_grad(false));
-  return flat.index_put({position_}, values).view(WithSizes({rays_, width_}, values, 1));
+  auto flat = torch::zeros(WithSizes({rays_ * width_}, values, 1), values.options().requires_grad(false));
+  flat.index_put_({position_}, values);
+  return flat.view(WithSizes({rays_, width_}, values, 1));
 }
 
 torch::Tensor RayPadding::Unpad(const torch::Tensor& padded) const {
