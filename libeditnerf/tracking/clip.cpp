@@ -86,7 +86,8 @@ const torch::Tensor& DirectFlows::Get(int64_t from, int64_t to) {
   const auto found = cache_.find(key);
   if (found != cache_.end()) return found->second;
   if (cache_.size() >= kMaxCachedPairs) cache_.clear();
-  return cache_[key] = flow_.Flow(clip_.images[static_cast<size_t>(from)], clip_.images[static_cast<size_t>(to)]).contiguous();
+  return cache_[key] =
+             flow_.Flow(clip_.images[static_cast<size_t>(from)], clip_.images[static_cast<size_t>(to)]).contiguous();
 }
 
 DirectFlows::Match DirectFlows::Find(int64_t from, int64_t to, const Pixel& p) {

@@ -11,9 +11,12 @@ namespace editnerf {
 namespace {
 
 nlohmann::json Describe(const TrackResiduals& residuals) {
-  return {{"motion_pixels", residuals.motion},          {"motion_terms", residuals.motion_terms},
-          {"geometry_scene_units", residuals.geometry}, {"geometry_terms", residuals.geometry_terms},
-          {"skip_pixels", residuals.skip},              {"skip_terms", residuals.skip_terms}};
+  return {{"motion_pixels", residuals.motion},
+          {"motion_terms", residuals.motion_terms},
+          {"geometry_scene_units", residuals.geometry},
+          {"geometry_terms", residuals.geometry_terms},
+          {"skip_pixels", residuals.skip},
+          {"skip_terms", residuals.skip_terms}};
 }
 
 nlohmann::json Describe(const Scene& scene, const DetectionRun& run) {

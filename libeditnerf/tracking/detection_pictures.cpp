@@ -16,8 +16,14 @@ constexpr int64_t kTrailFrames = 12;
 constexpr int kSubPixelBits = 3;
 
 cv::Scalar ColorOf(int64_t n) {
-  static const std::array<std::array<int, 3>, 8> colors = {{{255, 70, 60}, {70, 200, 255}, {255, 210, 50}, {90, 255, 110},
-                                                            {255, 110, 240}, {255, 150, 50}, {140, 130, 255}, {255, 255, 255}}};
+  static const std::array<std::array<int, 3>, 8> colors = {{{255, 70, 60},
+                                                            {70, 200, 255},
+                                                            {255, 210, 50},
+                                                            {90, 255, 110},
+                                                            {255, 110, 240},
+                                                            {255, 150, 50},
+                                                            {140, 130, 255},
+                                                            {255, 255, 255}}};
   const auto& c = colors[static_cast<size_t>(n) % colors.size()];
   return {static_cast<double>(c[0]), static_cast<double>(c[1]), static_cast<double>(c[2])};
 }
@@ -43,7 +49,8 @@ cv::Mat DrawPanel(const Detection& detection, const Panel& panel, double stronge
   if (panel.right < panel.vertical) values = values.t();  // rows: vertical, columns: right
   if (panel.flipped) values = values.flip(0);
   values = (values / strongest * 255).clamp(0, 255).to(torch::kUInt8).contiguous();
-  const cv::Mat gray(static_cast<int>(values.size(0)), static_cast<int>(values.size(1)), CV_8UC1, values.data_ptr<uint8_t>());
+  const cv::Mat gray(static_cast<int>(values.size(0)), static_cast<int>(values.size(1)), CV_8UC1,
+                     values.data_ptr<uint8_t>());
   const double scale = kPanelSide * volume.voxel_size / volume.LongestSide();
   const cv::Size size(std::max(1, static_cast<int>(std::lround(gray.cols * scale))),
                       std::max(1, static_cast<int>(std::lround(gray.rows * scale))));
@@ -58,7 +65,8 @@ cv::Mat DrawPanel(const Detection& detection, const Panel& panel, double stronge
     return FixedPoint(cells[panel.right] * scale, v * scale);
   };
   for (const VolumeMaximum& candidate : detection.candidates)
-    cv::circle(image, place(candidate.point), 2 << kSubPixelBits, {200, 200, 200}, cv::FILLED, cv::LINE_AA, kSubPixelBits);
+    cv::circle(image, place(candidate.point), 2 << kSubPixelBits, {200, 200, 200}, cv::FILLED, cv::LINE_AA,
+               kSubPixelBits);
   for (int64_t n = 0; n < detection.count(); ++n) {
     const float* p = detection.reference.data_ptr<float>() + 3 * n;
     cv::circle(image, place({p[0], p[1], p[2]}), 7 << kSubPixelBits, ColorOf(n), 2, cv::LINE_AA, kSubPixelBits);
@@ -81,7 +89,8 @@ void DrawTrails(cv::Mat& image, const Scene& scene, const Detection& detection, 
       if (drawable && connected) cv::line(image, last, here, ColorOf(n), factor, cv::LINE_AA, kSubPixelBits);
       if (drawable && s == t) {
         const bool visible = detection.visible[t][n].item<bool>();
-        cv::circle(image, here, (2 + factor) << kSubPixelBits, ColorOf(n), visible ? cv::FILLED : 1, cv::LINE_AA, kSubPixelBits);
+        cv::circle(image, here, (2 + factor) << kSubPixelBits, ColorOf(n), visible ? cv::FILLED : 1, cv::LINE_AA,
+                   kSubPixelBits);
         if (visible) cv::circle(image, here, (3 + factor) << kSubPixelBits, {0, 0, 0}, 1, cv::LINE_AA, kSubPixelBits);
       }
       last = here;
@@ -123,11 +132,13 @@ torch::Tensor TracksPicture(const Scene& scene, const Detection& detection, int6
   for (int64_t i = 0; i < count; ++i) {
     const int64_t t = count > 1 ? i * (frames - 1) / (count - 1) : 0;
     const torch::Tensor source = scene.images[scene.train[static_cast<size_t>(t)]].contiguous();
-    const cv::Mat frame(static_cast<int>(scene.height()), static_cast<int>(scene.width()), CV_8UC3, source.data_ptr<uint8_t>());
+    const cv::Mat frame(static_cast<int>(scene.height()), static_cast<int>(scene.width()), CV_8UC3,
+                        source.data_ptr<uint8_t>());
     cv::Mat image;
     cv::resize(frame, image, cv::Size(width, height), 0, 0, cv::INTER_LINEAR);
     DrawTrails(image, scene, detection, t, factor);
-    image.copyTo(sheet(cv::Rect(static_cast<int>(i % columns) * width, static_cast<int>(i / columns) * height, width, height)));
+    image.copyTo(
+        sheet(cv::Rect(static_cast<int>(i % columns) * width, static_cast<int>(i / columns) * height, width, height)));
   }
   return ToTensor(sheet);
 }

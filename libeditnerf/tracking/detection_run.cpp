@@ -27,7 +27,8 @@ DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& maps, const 
             before.motion, after.motion, before.geometry, after.geometry);
   }
   if (run.detection.count() == 0) {
-    LogWarning("{}: no key points found: {}", scene.name, run.detection.notes.empty() ? "" : run.detection.notes.back());
+    LogWarning("{}: no key points found: {}", scene.name,
+               run.detection.notes.empty() ? "" : run.detection.notes.back());
   }
   return run;
 }

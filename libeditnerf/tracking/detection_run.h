@@ -23,8 +23,8 @@ struct DetectionRun {
 DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& maps, const DetectionConfig& config,
                           const OpticalFlow& flow = DisFlow());
 
-// Local coordinates of EditableNeRF's supplement: q = s k + b with s = 1 / max over axes of (90th - 10th percentile of the
-// track), b = -mean of the scaled track. A range under 0.01 scene units counts as that much, with a warning.
+// Local coordinates of EditableNeRF's supplement: q = s k + b with s = 1 / max over axes of (90th - 10th percentile of
+// the track), b = -mean of the scaled track. A range under 0.01 scene units counts as that much, with a warning.
 struct LocalCoordinates {
   torch::Tensor local;   // [T, N, 3] float64
   torch::Tensor scale;   // [N] float64

@@ -54,8 +54,8 @@ torch::Tensor DisFlow::Flow(const torch::Tensor& from, const torch::Tensor& to) 
                       c10::toString(to.scalar_type()));
   }
   if (from.size(0) < kSmallestSide || from.size(1) < kSmallestSide) {
-    Throw<DataError>("optical flow: found images of {} x {} pixels, expected at least {} a side", from.size(1), from.size(0),
-                     kSmallestSide);
+    Throw<DataError>("optical flow: found images of {} x {} pixels, expected at least {} a side", from.size(1),
+                     from.size(0), kSmallestSide);
   }
   const OneOpenCvThread guard;
   const cv::Ptr<cv::DISOpticalFlow> dis = cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);

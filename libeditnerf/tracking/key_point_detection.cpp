@@ -21,11 +21,11 @@ constexpr size_t kReferenceTrials = 4;        // reference frames tried for each
 constexpr double kLeastMovingShare = 0.05;    // of the visible frames
 constexpr int64_t kLeastMovingFrames = 3;
 constexpr int64_t kLeastVisibleFrames = 4;
-constexpr double kLeastRange = 0.01;          // of the point's median distance from the camera
-constexpr double kNoiseFactor = 4;            // motion range over noise
-constexpr int64_t kLargestSnap = 12;          // pixels
-constexpr double kFlowSupport = 5;            // pixels
-constexpr double kEdge = 0.02;                // depth difference over two pixels that makes an edge, share of the depth
+constexpr double kLeastRange = 0.01;  // of the point's median distance from the camera
+constexpr double kNoiseFactor = 4;    // motion range over noise
+constexpr int64_t kLargestSnap = 12;  // pixels
+constexpr double kFlowSupport = 5;    // pixels
+constexpr double kEdge = 0.02;        // depth difference over two pixels that makes an edge, share of the depth
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
 
@@ -51,7 +51,10 @@ class Detector {
  public:
   Detector(const Scene& scene, const PretrainedMaps& maps, const FlowSequence& flows, const OpticalFlow& flow,
            const DetectionConfig& config)
-      : clip_(MakeClip(scene, maps.depth, flows)), direct_(clip_, flow), config_(config), motion_(MeasureMotion(clip_)) {
+      : clip_(MakeClip(scene, maps.depth, flows)),
+        direct_(clip_, flow),
+        config_(config),
+        motion_(MeasureMotion(clip_)) {
     options_.skip_interval = config.skip_interval;
     options_.skip_max_error = config.skip_max_error * clip_.PixelScale();
   }
@@ -91,9 +94,10 @@ class Detector {
     return starts;
   }
 
-  // The surface pixel around a projection that suits tracking best, if any lies within the tolerance. The ray through the
-  // voxel's centre may just miss a part that is seen edge-on, so the surface is looked for all around; and at the edge of
-  // a part flow is unreliable, so pixels up to twice as far off are taken that move and have their own surface around.
+  // The surface pixel around a projection that suits tracking best, if any lies within the tolerance. The ray through
+  // the voxel's centre may just miss a part that is seen edge-on, so the surface is looked for all around; and at the
+  // edge of a part flow is unreliable, so pixels up to twice as far off are taken that move and have their own surface
+  // around.
   std::optional<Start> Snap(int64_t t, const Vec3& point, const Pixel& pixel, double tolerance, double phi) const {
     const double pixels_per_unit = clip_.cameras[At(t)].focal_length / phi;
     const int64_t reach = std::clamp<int64_t>(std::llround(2 * tolerance * pixels_per_unit), 1, kLargestSnap);
@@ -124,7 +128,8 @@ class Detector {
     int other = 0, count = 0;
     for (const double radius : {0.5 * kFlowSupport, 1.0 * kFlowSupport}) {
       for (int i = 0; i < 8; ++i, ++count) {
-        const Pixel around = {start.pixel.u + radius * std::cos(i * M_PI / 4), start.pixel.v + radius * std::sin(i * M_PI / 4)};
+        const Pixel around = {start.pixel.u + radius * std::cos(i * M_PI / 4),
+                              start.pixel.v + radius * std::sin(i * M_PI / 4)};
         const double depth = LocalDepth(clip_.depth[At(start.frame)], around, 0);
         if (!(std::abs(depth - start.distance) < kEdge * radius / 2 * start.distance)) ++other;
       }
@@ -178,7 +183,8 @@ class Detector {
       for (int64_t s = before + 1; s < t; ++s) {
         double distance = 1;
         if (before >= 0 || t < frames) {
-          const double a = pixels.distance[At(before >= 0 ? before : t)], b = pixels.distance[At(t < frames ? t : before)];
+          const double a = pixels.distance[At(before >= 0 ? before : t)],
+                       b = pixels.distance[At(t < frames ? t : before)];
           distance = a + (b - a) * static_cast<double>(s - before) / static_cast<double>(t - before);
         }
         track.position[At(s)] = clip_.Lift(s, pixels.pixel[At(s)], distance);
@@ -252,8 +258,8 @@ std::vector<const Candidate*> Select(const std::vector<Candidate>& candidates, c
     if (kept.size() < wanted) {
       kept.push_back(&candidate);
     } else {
-      notes->push_back(fmt::format("candidate at {} dropped: {} stronger key points are kept", Place(candidate.maximum.point),
-                                   wanted));
+      notes->push_back(fmt::format("candidate at {} dropped: {} stronger key points are kept",
+                                   Place(candidate.maximum.point), wanted));
     }
   }
   for (const Candidate& candidate : candidates) {
@@ -261,12 +267,14 @@ std::vector<const Candidate*> Select(const std::vector<Candidate>& candidates, c
     const bool forced = config.count > 0 && kept.size() < wanted;
     if (forced) kept.push_back(&candidate);
     notes->push_back(fmt::format("candidate at {} {}: {}", Place(candidate.maximum.point),
-                                 forced ? "kept because the number of key points is given" : "dropped", candidate.objection));
+                                 forced ? "kept because the number of key points is given" : "dropped",
+                                 candidate.objection));
   }
   if (config.count > 0 && kept.size() < wanted) {
-    Throw<ConfigError>("detection: detect.count asks for {} key points, but only {} places of the scene qualify; lower it, or "
-                       "lower detect.relative_threshold and detect.min_distance",
-                       config.count, kept.size());
+    Throw<ConfigError>(
+        "detection: detect.count asks for {} key points, but only {} places of the scene qualify; lower it, or "
+        "lower detect.relative_threshold and detect.min_distance",
+        config.count, kept.size());
   }
   return kept;
 }
@@ -303,8 +311,8 @@ torch::Tensor CanonicalPoints(const Scene& scene, const PretrainedMaps& maps) {
 
 }  // namespace
 
-Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const FlowSequence& flows, const OpticalFlow& flow,
-                          const DetectionConfig& config) {
+Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const FlowSequence& flows,
+                          const OpticalFlow& flow, const DetectionConfig& config) {
   maps.Check(scene);
   const auto frames = static_cast<int64_t>(scene.train.size());
   Detection detection;
@@ -326,8 +334,8 @@ Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const 
     if (candidate) {
       candidates.push_back(std::move(*candidate));
     } else {
-      detection.notes.push_back(fmt::format("candidate at {} dropped: no frame sees it on a surface",
-                                            Place(detection.candidates[i].point)));
+      detection.notes.push_back(
+          fmt::format("candidate at {} dropped: no frame sees it on a surface", Place(detection.candidates[i].point)));
     }
     progress.Update(static_cast<double>(i + 1));
   }
@@ -336,7 +344,8 @@ Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const 
   const std::vector<const Candidate*> kept = Select(candidates, config, &detection.notes);
   Store(kept, detector, frames, &detection);
   if (kept.empty()) {
-    detection.notes.push_back(fmt::format("no moving part found among {} candidates: the scene looks static", examined));
+    detection.notes.push_back(
+        fmt::format("no moving part found among {} candidates: the scene looks static", examined));
   }
   return detection;
 }

@@ -6,11 +6,14 @@
 // is propagated from there by optical flow (propagation.h), and goes back to 3-D with the depth maps.
 //
 // Where this departs from the paper:
-// - The paper takes the first such frame. But a voxel of the swept volume at the height of the floor, or of whatever the
+// - The paper takes the first such frame. But a voxel of the swept volume at the height of the floor, or of whatever
+// the
 //   part slides along, is "on a surface" also while the part is elsewhere, and a track that starts on the floor stays
 //   there. So frames are preferred whose surface there moves against the static scene (motion_evidence.h); of the best
-//   few the one whose track moves and stays visible longest is taken. Only where no frame shows motion the paper's rule decides.
-// - k_ref is moved onto the nearest surface point of its reference frame: voxel centres lie up to a voxel off. Points away
+//   few the one whose track moves and stays visible longest is taken. Only where no frame shows motion the paper's rule
+//   decides.
+// - k_ref is moved onto the nearest surface point of its reference frame: voxel centres lie up to a voxel off. Points
+// away
 //   from depth edges are preferred, because flow is unreliable there.
 // - Candidates whose tracks do not move by more than noise are dropped, and of candidates on the same rigid part the
 //   strongest is kept (the paper's supplement: duplicates on one object have very similar tracks). Two tracks belong to
@@ -34,15 +37,15 @@ namespace editnerf {
 
 // T training frames, N key points, strongest first.
 struct Detection {
-  torch::Tensor reference;                     // [N, 3] float32, scene units, on the surface of its reference frame
-  std::vector<int64_t> reference_frame;        // N, row of scene.train
-  torch::Tensor tracks;                        // [T, N, 3] float32, scene units; frames without evidence interpolated
-  torch::Tensor visible;                       // [T, N] bool: checked flow leads here and the depth map agrees
-  torch::Tensor score;                         // [N] float32, smoothed variance at the maximum
-  std::vector<PixelTrack> pixel_tracks;        // N, what the tracks were lifted from
-  std::vector<std::string> notes;              // what was dropped or merged and why, for the report
-  SurfaceVolume volume;                        // for pictures
-  std::vector<VolumeMaximum> candidates;       // all maxima, strongest first
+  torch::Tensor reference;                // [N, 3] float32, scene units, on the surface of its reference frame
+  std::vector<int64_t> reference_frame;   // N, row of scene.train
+  torch::Tensor tracks;                   // [T, N, 3] float32, scene units; frames without evidence interpolated
+  torch::Tensor visible;                  // [T, N] bool: checked flow leads here and the depth map agrees
+  torch::Tensor score;                    // [N] float32, smoothed variance at the maximum
+  std::vector<PixelTrack> pixel_tracks;   // N, what the tracks were lifted from
+  std::vector<std::string> notes;         // what was dropped or merged and why, for the report
+  SurfaceVolume volume;                   // for pictures
+  std::vector<VolumeMaximum> candidates;  // all maxima, strongest first
 
   int64_t count() const { return static_cast<int64_t>(reference_frame.size()); }
 };
@@ -51,7 +54,7 @@ struct Detection {
 // come back in the order of their strength, with a note. No moving part is not an error: count() is then 0 and a note
 // says so. Throws DataError when the maps do not fit the scene or hold no surface, ConfigError when more key points are
 // forced than there are candidates.
-Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const FlowSequence& flows, const OpticalFlow& flow,
-                          const DetectionConfig& config);
+Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const FlowSequence& flows,
+                          const OpticalFlow& flow, const DetectionConfig& config);
 
 }  // namespace editnerf

@@ -24,8 +24,8 @@ inline double Distance(const Pixel& a, const Pixel& b) { return std::hypot(a.u -
 // bilinear weight or more are NaN or masked out; the others are then left out of the mean.
 struct FlowSample {
   double du = 0, dv = 0;
-  bool valid = false;   // a displacement exists
-  bool checked = false; // and it is backed by the mask (forward and backward flow agree)
+  bool valid = false;    // a displacement exists
+  bool checked = false;  // and it is backed by the mask (forward and backward flow agree)
 };
 
 // flow [H, W, 2] float32 contiguous; mask [H, W] bool contiguous, or undefined for "all valid".

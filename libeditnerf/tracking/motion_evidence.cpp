@@ -12,7 +12,7 @@ namespace {
 constexpr int64_t kCellAt320 = 4;
 constexpr double kLeastDistance = 0.75;  // pixels at 320 wide
 constexpr double kNoiseFactor = 4;
-constexpr int64_t kFlowSupport = 5;            // pixels over which dense flow mixes neighbouring motions
+constexpr int64_t kFlowSupport = 5;  // pixels over which dense flow mixes neighbouring motions
 
 // Nearest and farthest surface around a pixel; NaN where there is none.
 struct DepthRange {
@@ -25,7 +25,8 @@ DepthRange DepthsAround(const torch::Tensor& depth, const Pixel& p) {
   const auto column = static_cast<int64_t>(p.u), row = static_cast<int64_t>(p.v);
   DepthRange range;
   for (int64_t r = std::max<int64_t>(row - kFlowSupport, 0); r <= std::min(row + kFlowSupport, height - 1); r += 2) {
-    for (int64_t c = std::max<int64_t>(column - kFlowSupport, 0); c <= std::min(column + kFlowSupport, width - 1); c += 2) {
+    for (int64_t c = std::max<int64_t>(column - kFlowSupport, 0); c <= std::min(column + kFlowSupport, width - 1);
+         c += 2) {
       range.near = std::fmin(range.near, values[r * width + c]);
       range.far = std::fmax(range.far, values[r * width + c]);
     }
@@ -55,7 +56,8 @@ double Deviation(const Clip& clip, int64_t t, const Pixel& p, int64_t reach) {
       const Camera& camera = clip.cameras[static_cast<size_t>(s + step)];
       const Projected still_near = Project(camera, near), still_far = Project(camera, far);
       if (!still_near.valid || !still_far.valid) break;
-      largest = std::fmax(largest, DistanceToSegment(chained, {still_near.u, still_near.v}, {still_far.u, still_far.v}));
+      largest =
+          std::fmax(largest, DistanceToSegment(chained, {still_near.u, still_near.v}, {still_far.u, still_far.v}));
     }
   }
   return largest;
@@ -101,7 +103,8 @@ MotionEvidence MeasureMotion(const Clip& clip) {
         if (std::isfinite(cells[i])) known.push_back(cells[i]);
       }
       if (known.empty()) continue;
-      const auto threshold = static_cast<float>(std::max(kLeastDistance * clip.PixelScale(), kNoiseFactor * Median(known)));
+      const auto threshold =
+          static_cast<float>(std::max(kLeastDistance * clip.PixelScale(), kNoiseFactor * Median(known)));
       for (int64_t i = 0; i < rows * columns; ++i) cells[i] /= threshold;
     }
   });

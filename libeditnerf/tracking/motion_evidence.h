@@ -1,8 +1,8 @@
 // Which pixels move against the static scene.
 //
-// A pixel's surface point, taken from the depth map, projects into the frames around by the cameras alone; the flow says
-// where the pixel really went. The distance of the two, over up to a tenth of the sequence, is evidence of motion of its
-// own. At a depth edge flow mixes the motions of both sides; so the distance is that to the segment between the
+// A pixel's surface point, taken from the depth map, projects into the frames around by the cameras alone; the flow
+// says where the pixel really went. The distance of the two, over up to a tenth of the sequence, is evidence of motion
+// of its own. At a depth edge flow mixes the motions of both sides; so the distance is that to the segment between the
 // projections of the nearest and the farthest depth around the pixel, on which every mixture of static motions lies.
 // The noise (depth errors, camera errors) is measured per frame as the median over the image, most of which is taken to
 // be static. Motion along the epipolar line within the depths around looks static: the monocular ambiguity.

@@ -31,8 +31,9 @@ PretrainedMaps ReadPretrainedMaps(const std::filesystem::path& run_folder, const
   const auto file = ReadSafetensors(path);
   const auto ids = file.metadata.find("training_ids");
   if (ids == file.metadata.end() || ids->second != TrainingIds(scene)) {
-    Throw<DataError>("{}: made for other training frames than those of {}; pretrain on this scene with these data settings",
-                     path.string(), scene.name);
+    Throw<DataError>(
+        "{}: made for other training frames than those of {}; pretrain on this scene with these data settings",
+        path.string(), scene.name);
   }
   PretrainedMaps maps;
   const auto take = [&](const char* name) {

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kReacquireSimilarity = 0.7;  // of the patch, to believe that a lost point was found again
 constexpr double kSimilaritySlack = 0.02;
-constexpr double kBlendDistance = 3.0;        // pixels at 320 wide; chains further apart are chosen from, not blended
+constexpr double kBlendDistance = 3.0;  // pixels at 320 wide; chains further apart are chosen from, not blended
 
 size_t At(int64_t t) { return static_cast<size_t>(t); }
 
@@ -134,7 +134,8 @@ class Walk {
         continue;
       }
       const double similarity = Similarity(track_.reference_frame, s, back);
-      if (similarity < (track_.visible[At(s)] ? Similarity(track_.reference_frame, s, chained) : kReacquireSimilarity)) {
+      if (similarity <
+          (track_.visible[At(s)] ? Similarity(track_.reference_frame, s, chained) : kReacquireSimilarity)) {
         return;
       }
       track_.pixel[At(s)] = back;
@@ -160,9 +161,9 @@ class Walk {
   const PropagationOptions& options_;
   PixelTrack& track_;
   Pixel position_;
-  double expected_ = NAN;       // depth of the point's surface
-  int64_t disagreements_ = 0;   // frames in a row whose depth was not the expected one
-  int64_t unchecked_ = 0;       // frames in a row on flow without forward-backward agreement
+  double expected_ = NAN;      // depth of the point's surface
+  int64_t disagreements_ = 0;  // frames in a row whose depth was not the expected one
+  int64_t unchecked_ = 0;      // frames in a row on flow without forward-backward agreement
   bool lost_ = false;
   int64_t last_seen_ = 0, anchor_ = 0, next_attempt_ = 2;
 };
@@ -221,8 +222,8 @@ int64_t PixelTrack::CountVisible() const { return std::count(visible.begin(), vi
 PixelTrack Propagate(const Clip& clip, DirectFlows* direct, int64_t reference_frame, const Pixel& start,
                      const PropagationOptions& options, const MotionEvidence* motion) {
   if (reference_frame < 0 || reference_frame >= clip.num_frames() || !clip.Inside(start)) {
-    Throw<ShapeError>("propagation: position ({}, {}) in frame {} lies outside {} frames of {} x {} pixels", start.u, start.v,
-                      reference_frame, clip.num_frames(), clip.width, clip.height);
+    Throw<ShapeError>("propagation: position ({}, {}) in frame {} lies outside {} frames of {} x {} pixels", start.u,
+                      start.v, reference_frame, clip.num_frames(), clip.width, clip.height);
   }
   PixelTrack track;
   const size_t frames = At(clip.num_frames());

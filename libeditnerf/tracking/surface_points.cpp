@@ -11,9 +11,10 @@ void PretrainedMaps::Check(const Scene& scene) const {
     const bool fits = map.defined() && map.dim() == (channels ? 4 : 3) && map.size(0) == frames &&
                       map.size(1) == scene.height() && map.size(2) == scene.width();
     if (!fits) {
-      Throw<DataError>("{}: pretrained {} map: found {}, expected {} training frames of {} x {} pixels; pretrain at the image "
-                       "size that detection uses",
-                       scene.name, name, ShapeString(map), frames, scene.height(), scene.width());
+      Throw<DataError>(
+          "{}: pretrained {} map: found {}, expected {} training frames of {} x {} pixels; pretrain at the image "
+          "size that detection uses",
+          scene.name, name, ShapeString(map), frames, scene.height(), scene.width());
     }
   };
   check(depth, "depth", false);
@@ -31,7 +32,8 @@ torch::Tensor SurfacePoints(const Camera& camera, const torch::Tensor& depth) {
     for (int64_t row = begin; row < end; ++row) {
       for (int64_t column = 0; column < camera.width; ++column) {
         const int64_t index = row * camera.width + column;
-        const Vec3 direction = camera.DirectionThrough(static_cast<double>(column) + 0.5, static_cast<double>(row) + 0.5);
+        const Vec3 direction =
+            camera.DirectionThrough(static_cast<double>(column) + 0.5, static_cast<double>(row) + 0.5);
         const Vec3 point = camera.position + direction * static_cast<double>(d[index]);
         p[3 * index] = static_cast<float>(point.x);
         p[3 * index + 1] = static_cast<float>(point.y);

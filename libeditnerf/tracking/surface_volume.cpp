@@ -43,7 +43,8 @@ Grid FitGrid(const torch::Tensor& points, int64_t resolution) {
     std::vector<float> values;
     for (int64_t i = 0; i < count; i += step)
       if (Finite(p + 3 * i)) values.push_back(p[3 * i + axis]);
-    if (values.empty()) Throw<DataError>("surface volume: no pixel of any frame has a surface; the pretrained depth is empty");
+    if (values.empty())
+      Throw<DataError>("surface volume: no pixel of any frame has a surface; the pretrained depth is empty");
     const auto at = [&values](double share) {
       const auto k = static_cast<int64_t>(share * static_cast<double>(values.size() - 1));
       std::nth_element(values.begin(), values.begin() + k, values.end());

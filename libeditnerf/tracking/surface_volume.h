@@ -1,7 +1,7 @@
 // Where the ambient coordinates of the pretrained field vary over time, as a volume in canonical space.
 //
-// EditableNeRF (Zheng et al., CVPR 2023), section 3.3, in three dimensions as the paper describes it: the surface points
-// of all pixels of all frames fall into voxels together with their ambient coordinates a; a voxel's value is the
+// EditableNeRF (Zheng et al., CVPR 2023), section 3.3, in three dimensions as the paper describes it: the surface
+// points of all pixels of all frames fall into voxels together with their ambient coordinates a; a voxel's value is the
 // variance of a over the frames that saw it, averaged over the ambient dimensions. Within a frame a voxel counts once,
 // with its mean: otherwise a frame that sees it from nearby would outvote the others. All arithmetic is in float32.
 #pragma once
@@ -25,12 +25,13 @@ struct SurfaceVolumeOptions {
 struct SurfaceVolume {
   torch::Tensor observations;  // [X, Y, Z] int32, frames that saw the voxel
   torch::Tensor variance;      // [X, Y, Z] float32, 0 where observations < min_observations
-  torch::Tensor smoothed;      // [X, Y, Z] float32, masked Gaussian of `variance`, 0 where observations < min_observations
-  Vec3 origin;                 // corner of voxel (0, 0, 0), scene units
-  double voxel_size = 0;       // scene units
+  torch::Tensor smoothed;  // [X, Y, Z] float32, masked Gaussian of `variance`, 0 where observations < min_observations
+  Vec3 origin;             // corner of voxel (0, 0, 0), scene units
+  double voxel_size = 0;   // scene units
 
   Vec3 Center(int64_t x, int64_t y, int64_t z) const {
-    return origin + Vec3{static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5, static_cast<double>(z) + 0.5} * voxel_size;
+    return origin +
+           Vec3{static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5, static_cast<double>(z) + 0.5} * voxel_size;
   }
   double LongestSide() const;  // scene units
 };

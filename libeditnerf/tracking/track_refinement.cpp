@@ -96,7 +96,8 @@ class Refiner {
     for (const Vec3& p : initial.position) positions_.push_back({p.x, p.y, p.z});
     const int64_t frames = clip.num_frames();
     std::vector<double> distances;
-    for (int64_t t = 0; t < frames; ++t) distances.push_back(Norm(initial.position[At(t)] - clip.cameras[At(t)].position));
+    for (int64_t t = 0; t < frames; ++t)
+      distances.push_back(Norm(initial.position[At(t)] - clip.cameras[At(t)].position));
     std::nth_element(distances.begin(), distances.begin() + frames / 2, distances.end());
     median_distance_ = std::max(distances[At(frames / 2)], 1e-6);
     unit_per_pixel_ = median_distance_ / clip.cameras[0].focal_length * clip.PixelScale();
@@ -133,7 +134,8 @@ class Refiner {
       if (!clip_.Step(t, 1, pixels_.pixel[At(t)]).checked) continue;
       // The cubic's support reaches over pixels without an answer; there a zero does, under the robust loss.
       flows_.push_back(torch::nan_to_num(clip_.forward[At(t)], 0.0, 0.0, 0.0));
-      grids_.emplace_back(flows_.back().data_ptr<float>(), 0, static_cast<int>(clip_.height), 0, static_cast<int>(clip_.width));
+      grids_.emplace_back(flows_.back().data_ptr<float>(), 0, static_cast<int>(clip_.height), 0,
+                          static_cast<int>(clip_.width));
       interpolators_.emplace_back(grids_.back());
       motion_frames_.push_back(t);
     }
@@ -166,10 +168,9 @@ class Refiner {
     }
     for (int64_t t = 0; t < frames; ++t) {
       if (!std::isfinite(distance_[At(t)])) continue;
-      problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<GeometryTerm, 1, 3>(
-              new GeometryTerm{clip_.cameras[At(t)].position, distance_[At(t)], 1 / depth_deviation_}),
-          robust(), point(t));
+      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<GeometryTerm, 1, 3>(new GeometryTerm{
+                                   clip_.cameras[At(t)].position, distance_[At(t)], 1 / depth_deviation_}),
+                               robust(), point(t));
     }
     for (const SkipLink& link : pixels_.links) {
       if (!InFront(link.frame)) continue;
@@ -188,11 +189,15 @@ class Refiner {
       const bool reference = t == pixels_.reference_frame;
       const double deviation = (reference ? options_.anchor_pixels : options_.prior_pixels) * unit_per_pixel_;
       problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<AnchorTerm, 3, 3>(new AnchorTerm{initial_.position[At(t)], 1 / deviation}), nullptr,
-          point(t));
+          new ceres::AutoDiffCostFunction<AnchorTerm, 3, 3>(new AnchorTerm{initial_.position[At(t)], 1 / deviation}),
+          nullptr, point(t));
     }
     ceres::Solver::Options solver;
     solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+    // Eigen's factorisation is serial: the result is the same everywhere, and no second pool of threads competes.
+    if (ceres::IsSparseLinearAlgebraLibraryTypeAvailable(ceres::EIGEN_SPARSE)) {
+      solver.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
+    }
     solver.max_num_iterations = 50;
     solver.num_threads = 1;
     solver.logging_type = ceres::SILENT;
@@ -229,7 +234,9 @@ class Refiner {
       sums.skip += residual[0] * residual[0] + residual[1] * residual[1];
       ++sums.skip_terms;
     }
-    const auto root = [](double sum, int64_t count) { return count > 0 ? std::sqrt(sum / static_cast<double>(count)) : 0.0; };
+    const auto root = [](double sum, int64_t count) {
+      return count > 0 ? std::sqrt(sum / static_cast<double>(count)) : 0.0;
+    };
     sums.motion = root(sums.motion, sums.motion_terms);
     sums.geometry = root(sums.geometry, sums.geometry_terms);
     sums.skip = root(sums.skip, sums.skip_terms);
@@ -275,7 +282,8 @@ std::vector<RefinedTrack> RefineTracks(const Clip& clip, Detection* detection, c
       float* out = tracks + 3 * (t * count + n);
       out[0] = static_cast<float>(p.x), out[1] = static_cast<float>(p.y), out[2] = static_cast<float>(p.z);
     }
-    if (!refined.back().note.empty()) detection->notes.push_back(fmt::format("key point {}: {}", n, refined.back().note));
+    if (!refined.back().note.empty())
+      detection->notes.push_back(fmt::format("key point {}: {}", n, refined.back().note));
   }
   return refined;
 }

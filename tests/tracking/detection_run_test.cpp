@@ -33,7 +33,8 @@ TEST_CASE("a detection run refines its tracks and draws its pictures") {
   CHECK(run.refined[0].after.motion < 1.0);
   CHECK(torch::isfinite(run.detection.tracks).all().item<bool>());
 
-  const torch::Tensor variance = VariancePicture(run.detection), tracks = TracksPicture(clip.scene, run.detection, 5, 3);
+  const torch::Tensor variance = VariancePicture(run.detection),
+                      tracks = TracksPicture(clip.scene, run.detection, 5, 3);
   CHECK(variance.scalar_type() == torch::kUInt8);
   CHECK(variance.size(2) == 3);
   CHECK(variance.to(torch::kFloat32).std().item<double>() > 1);

@@ -7,8 +7,8 @@ namespace editnerf {
 namespace {
 
 double Hash(int64_t x, int64_t y, int64_t z, int64_t seed) {
-  auto h = static_cast<uint64_t>(x * 73856093) ^ static_cast<uint64_t>(y * 19349663) ^ static_cast<uint64_t>(z * 83492791) ^
-           static_cast<uint64_t>(seed * 2654435761);
+  auto h = static_cast<uint64_t>(x * 73856093) ^ static_cast<uint64_t>(y * 19349663) ^
+           static_cast<uint64_t>(z * 83492791) ^ static_cast<uint64_t>(seed * 2654435761);
   h ^= h >> 33, h *= 0xff51afd7ed558ccdULL, h ^= h >> 33, h *= 0xc4ceb9fe1a85ec53ULL, h ^= h >> 33;
   return static_cast<double>(h >> 11) * 0x1p-53;
 }
@@ -17,7 +17,8 @@ double Noise(Vec3 p, int64_t seed) {
   const auto x = static_cast<int64_t>(std::floor(p.x)), y = static_cast<int64_t>(std::floor(p.y)),
              z = static_cast<int64_t>(std::floor(p.z));
   const auto smooth = [](double t) { return t * t * (3 - 2 * t); };
-  const double fx = smooth(p.x - std::floor(p.x)), fy = smooth(p.y - std::floor(p.y)), fz = smooth(p.z - std::floor(p.z));
+  const double fx = smooth(p.x - std::floor(p.x)), fy = smooth(p.y - std::floor(p.y)),
+               fz = smooth(p.z - std::floor(p.z));
   double sum = 0;
   for (int64_t i = 0; i < 8; ++i) {
     const int64_t dx = i & 1, dy = i >> 1 & 1, dz = i >> 2;
@@ -71,7 +72,8 @@ Hit Trace(const std::vector<Sphere>& spheres, int64_t t, const Vec3& origin, con
 
 Sphere Sliding(const Vec3& center, const Vec3& amplitude, double cycles, int64_t frames, double radius) {
   return {radius, [=](int64_t t) {
-            return center + amplitude * std::sin(2 * M_PI * cycles * static_cast<double>(t) / static_cast<double>(frames));
+            return center +
+                   amplitude * std::sin(2 * M_PI * cycles * static_cast<double>(t) / static_cast<double>(frames));
           }};
 }
 
@@ -107,7 +109,8 @@ MovingSpheres RenderMovingSpheres(const std::vector<Sphere>& spheres, const Clip
     for (int64_t row = 0; row < height; ++row) {
       for (int64_t column = 0; column < width; ++column) {
         const int64_t pixel = (t * height + row) * width + column;
-        const Vec3 direction = camera.DirectionThrough(static_cast<double>(column) + 0.5, static_cast<double>(row) + 0.5);
+        const Vec3 direction =
+            camera.DirectionThrough(static_cast<double>(column) + 0.5, static_cast<double>(row) + 0.5);
         const Hit hit = Trace(spheres, t, camera.position, direction);
         clip.maps.depth.data_ptr<float>()[pixel] = static_cast<float>(hit.distance);
         clip.part.data_ptr<int64_t>()[pixel] = hit.part;
@@ -116,7 +119,8 @@ MovingSpheres RenderMovingSpheres(const std::vector<Sphere>& spheres, const Clip
           clip.scene.images.data_ptr<uint8_t>()[3 * pixel + channel] = static_cast<uint8_t>(shade);
         }
         if (hit.part < 0) continue;
-        const Vec3 moved = spheres[static_cast<size_t>(hit.part)].center(t) - spheres[static_cast<size_t>(hit.part)].center(0);
+        const Vec3 moved =
+            spheres[static_cast<size_t>(hit.part)].center(t) - spheres[static_cast<size_t>(hit.part)].center(0);
         float* ambient = clip.maps.ambient.data_ptr<float>() + 3 * pixel;
         ambient[0] += static_cast<float>(moved.x), ambient[1] += static_cast<float>(moved.y);
         ambient[2] += static_cast<float>(moved.z);

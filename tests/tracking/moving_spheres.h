@@ -1,5 +1,5 @@
-// A small clip with exact truth for the trackers' tests: textured spheres over a textured floor, a camera on an arc, and
-// what an ideal pretrained field would give: exact depth, and ambient coordinates that follow each part's state.
+// A small clip with exact truth for the trackers' tests: textured spheres over a textured floor, a camera on an arc,
+// and what an ideal pretrained field would give: exact depth, and ambient coordinates that follow each part's state.
 #pragma once
 
 #include <torch/types.h>

@@ -15,7 +15,8 @@ torch::Tensor Shifted(int64_t frames, double dx, double dy) {
   const torch::Tensor columns = torch::arange(128, torch::kFloat64).view({1, 1, -1, 1});
   const torch::Tensor t = torch::arange(frames, torch::kFloat64).view({-1, 1, 1, 1});
   const torch::Tensor u = columns - dx * t, v = rows - dy * t;
-  const torch::Tensor value = torch::sin(0.35 * u + 0.1 * v) + torch::sin(0.3 * v - 0.13 * u) + torch::sin(0.11 * u + 0.17 * v);
+  const torch::Tensor value =
+      torch::sin(0.35 * u + 0.1 * v) + torch::sin(0.3 * v - 0.13 * u) + torch::sin(0.11 * u + 0.17 * v);
   return (value * 35 + 120).to(torch::kUInt8).expand({-1, -1, -1, 3}).contiguous();
 }
 
@@ -59,8 +60,10 @@ TEST_CASE("forward and backward flow must agree, be finite and stay inside the i
 
 TEST_CASE("optical flow refuses images of different sizes and tiny ones") {
   const DisFlow flow;
-  CHECK_THROWS_AS(flow.Flow(torch::zeros({32, 32, 3}, torch::kUInt8), torch::zeros({32, 30, 3}, torch::kUInt8)), ShapeError);
+  CHECK_THROWS_AS(flow.Flow(torch::zeros({32, 32, 3}, torch::kUInt8), torch::zeros({32, 30, 3}, torch::kUInt8)),
+                  ShapeError);
   CHECK_THROWS_AS(flow.Flow(torch::zeros({32, 32, 3}), torch::zeros({32, 32, 3})), ShapeError);
-  CHECK_THROWS_AS(flow.Flow(torch::zeros({8, 32, 3}, torch::kUInt8), torch::zeros({8, 32, 3}, torch::kUInt8)), DataError);
+  CHECK_THROWS_AS(flow.Flow(torch::zeros({8, 32, 3}, torch::kUInt8), torch::zeros({8, 32, 3}, torch::kUInt8)),
+                  DataError);
   CHECK_THROWS_AS(ComputeFlowSequence(torch::zeros({1, 32, 32, 3}, torch::kUInt8), flow), DataError);
 }

@@ -31,7 +31,8 @@ class ScriptedFlow : public OpticalFlow {
 struct Script {
   explicit Script(int64_t frames, const OpticalFlow& flow) {
     scene.images = torch::zeros({frames, 64, 96, 3}, torch::kUInt8);
-    const torch::Tensor rows = torch::arange(64, torch::kFloat64).view({-1, 1}), columns = torch::arange(96, torch::kFloat64);
+    const torch::Tensor rows = torch::arange(64, torch::kFloat64).view({-1, 1}),
+                        columns = torch::arange(96, torch::kFloat64);
     for (int64_t t = 0; t < frames; ++t) {
       const torch::Tensor u = columns - static_cast<double>(t);
       const torch::Tensor value = torch::sin(0.4 * u + 0.02 * u * u / 10) + torch::sin(0.5 * rows + 0.2 * u);

@@ -10,7 +10,8 @@ namespace {
 // A plane of points, z = 0, over the unit square: [frames, 32, 32, 3].
 torch::Tensor PlanePoints(int64_t frames) {
   const torch::Tensor axis = (torch::arange(32, torch::kFloat32) + 0.5) / 32;
-  const torch::Tensor x = axis.view({1, 1, -1}).expand({frames, 32, 32}), y = axis.view({1, -1, 1}).expand({frames, 32, 32});
+  const torch::Tensor x = axis.view({1, 1, -1}).expand({frames, 32, 32}),
+                      y = axis.view({1, -1, 1}).expand({frames, 32, 32});
   return torch::stack({x, y, torch::zeros({frames, 32, 32})}, 3).contiguous();
 }
 
@@ -66,8 +67,8 @@ TEST_CASE("maxima are ranked, kept apart and cut off below the threshold") {
   const auto bump = [&](int64_t row, int64_t column, float height) {
     ambient.slice(0, 1, 4, 2).slice(1, row - 2, row + 3).slice(2, column - 2, column + 3).fill_(height);
   };
-  bump(6, 6, 2);     // variance 1
-  bump(6, 24, 3);    // 2.25
+  bump(6, 6, 2);       // variance 1
+  bump(6, 24, 3);      // 2.25
   bump(24, 15, 0.8f);  // 0.16, below a third of the strongest
   SurfaceVolumeOptions options;
   options.resolution = 38;

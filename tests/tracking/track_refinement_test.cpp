@@ -103,7 +103,7 @@ TEST_CASE("refinement survives tracks that stand still, lie on a line, or have n
       const auto s = static_cast<double>(t);
       if (kind == 0) track.position[t] = {0, 0, 0.2};
       if (kind == 1) track.position[t] = {0.01 * s, 0, 0.2};
-      if (kind == 2) track.position[t] = {50 + s, -40, 0.2};   // outside every image, partly behind the cameras
+      if (kind == 2) track.position[t] = {50 + s, -40, 0.2};  // outside every image, partly behind the cameras
       if (kind == 3) track.position[t] = noisy.clip.cameras[t].position;
       if (kind < 2) continue;
       track.visible[t] = pixels.visible[t] = false;

@@ -44,9 +44,12 @@ TEST_CASE("opposite points of a turning disk are one part although they move aga
 }
 
 TEST_CASE("parts that move at different times or across each other are two") {
-  const PointTrack early = Track([](double t) { return Vec3{0, 0.2 * std::pow(std::sin(M_PI * std::min(2 * t, 1.0)), 2), 0}; });
-  const PointTrack late =
-      Track([](double t) { return Vec3{1, 0.2 * std::pow(std::sin(M_PI * std::max(2 * t - 1, 0.0)), 2), 0}; });
+  const PointTrack early = Track([](double t) {
+    return Vec3{0, 0.2 * std::pow(std::sin(M_PI * std::min(2 * t, 1.0)), 2), 0};
+  });
+  const PointTrack late = Track([](double t) {
+    return Vec3{1, 0.2 * std::pow(std::sin(M_PI * std::max(2 * t - 1, 0.0)), 2), 0};
+  });
   CHECK(RelateTracks(early, late).distance_spread < 0.03);  // constant to second order
   CHECK_FALSE(SameRigidPart(early, late, 0.15));
   CHECK_FALSE(SameRigidPart(Lid(0.5), Track([](double t) { return Vec3{0.4 * t, 0, 0}; }), 0.15));
