@@ -79,12 +79,13 @@ std::vector<Shot> PlanShots(const Play& play, const SyntheticOptions& options) {
 
 Vec3 ToScene(const Vec3& world) { return (world - kTransform.center) * kTransform.scale; }
 
-// Writes scale * pose into a 4 x 4 matrix: scene coordinates from object coordinates in world units.
+
+// S M S^-1, with S = scene_from_world: a rigid motion in scene units.
 void StorePose(const Pose& world_from_object, double* matrix) {
-  const Vec3 translation = ToScene(world_from_object.translation);
+  const Vec3 translation = ToScene(world_from_object.rotation * kTransform.center + world_from_object.translation);
   const double column[3] = {translation.x, translation.y, translation.z};
   for (int row = 0; row < 3; ++row) {
-    for (int c = 0; c < 3; ++c) matrix[4 * row + c] = kTransform.scale * world_from_object.rotation(row, c);
+    for (int c = 0; c < 3; ++c) matrix[4 * row + c] = world_from_object.rotation(row, c);
     matrix[4 * row + 3] = column[row];
   }
   matrix[15] = 1;

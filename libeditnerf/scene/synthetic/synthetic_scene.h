@@ -28,8 +28,7 @@ std::vector<std::string> SyntheticSceneNames();
 
 // A complete scene with truth and background points. Frame ids are six digits; training frames come first, then
 // validation frames (warp_id and appearance_id of the training frame whose state they show), then edit frames (-1).
-// The same options give the same scene, whatever the number of threads. truth.scene_from_object composes with object
-// coordinates in world units: its rotation part carries transform.scale.
+// The same options give the same scene, whatever the number of threads.
 // Throws ConfigError naming the known names for an unknown one, or the option that is out of range.
 Scene MakeSyntheticScene(const std::string& name, const SyntheticOptions& options);
 
