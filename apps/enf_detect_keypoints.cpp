@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "libeditnerf/config/yaml.h"
 #include "libeditnerf/imaging/scene_folder.h"
 #include "libeditnerf/tracking/detection_run.h"
 #include "support/run.h"
