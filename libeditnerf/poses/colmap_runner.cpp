@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cmath>
+#include <cstdio>
 #include <functional>
 #include <set>
 
@@ -165,14 +165,23 @@ ColmapResult RunColmap(const fs::path& image_folder, const std::vector<std::stri
                            {"random_seed", std::to_string(options.seed)},
                            {"default_random_seed", std::to_string(options.seed)}};
   const auto total = static_cast<double>(image_names.size());
-  // Runs one stage and counts the lines of its output that report a finished image.
+  // Runs one stage; lines of its output with the marker report progress.
   const auto stage = [&](const std::string& label, const std::string& command, const Arguments& arguments,
-                         const std::string& marker, double stage_total) {
-    Progress progress(label, stage_total);
+                         const std::string& marker) {
+    Progress progress(label, 1);
     const double start = clock.Seconds();
-    double done = 0;
+    double counted = 0, share = 0;
     const int code = runner.Run(command, paths + arguments, [&](const std::string& line) {
-      if (line.find(marker) != std::string::npos) progress.Update(std::min(++done, stage_total));
+      const size_t at = line.find(marker);
+      if (at == std::string::npos) return;
+      double a = ++counted, b = total;  // lines, one for each image
+      double first = 0, last = 0;
+      if (std::sscanf(line.c_str() + at + marker.size(), " [%lf/%lf", &first, &last) == 2 && last > 0) {
+        a = first - 1;  // the line announces the item that begins
+        b = last;
+      }
+      share = std::max(share, std::min(1.0, a / b));
+      progress.Update(share);
     });
     progress.Finish();
     result.seconds.emplace_back(label, clock.Seconds() - start);
@@ -184,17 +193,15 @@ ColmapResult RunColmap(const fs::path& image_folder, const std::vector<std::stri
                        Arguments{{"image_list_path", image_list.string()},
                                  {"ImageReader.single_camera", "1"},
                                  {"ImageReader.camera_model", options.camera_model}},
-                   "Processed file", total);
+                   "Processed file");
   if (code != 0) runner.Fail("feature extraction", code);
-  const double blocks =
-      std::max(1.0, std::ceil(static_cast<double>(std::count(pairs.begin(), pairs.end(), '\n')) / 100));
   code = stage("matching", "matches_importer",
                Common("SiftMatching", "FeatureMatching", threads) +
                    Arguments{{"match_list_path", pair_list.string()}, {"match_type", "pairs"}},
-               "Matching block", blocks);
+               "Matching block");
   if (code != 0) runner.Fail("matching", code);
   code = stage("mapping", "mapper", {{"output_path", sparse.string()}, {"Mapper.num_threads", std::to_string(threads)}},
-               "Registering image", total);
+               "Registering image");
   result.models = Models(sparse);
   // The mapper also fails where it finds no pair to start from; the caller reports that as no image registered.
   if (code > 1 && result.models.empty()) runner.Fail("mapping", code);

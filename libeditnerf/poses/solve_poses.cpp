@@ -163,7 +163,8 @@ ImportedModel RunOnFrames(const CopiedFrames& copied, const fs::path& scene_fold
   return result.models.empty() ? ImportedModel() : ReadColmapModel(result.models[0], images);
 }
 
-void CheckRegistered(const Solved& solved, const CopiedFrames& copied, double min_share, PosesReport* report) {
+void CheckRegistered(const Solved& solved, const CopiedFrames& copied, double min_share, const std::string& log_note,
+                     PosesReport* report) {
   const std::set<std::string> registered(solved.ids.begin(), solved.ids.end());
   for (const std::string& id : copied.ids) {
     if (registered.count(id) == 0) report->missing.push_back(id);
@@ -172,8 +173,8 @@ void CheckRegistered(const Solved& solved, const CopiedFrames& copied, double mi
   report->registered = static_cast<int64_t>(registered.size());
   const auto share = static_cast<double>(report->registered) / static_cast<double>(report->total);
   if (report->registered < 2 || share < min_share) {
-    Throw<DataError>("{} registered only {} of {} frames, expected at least {:.0f} %: {}", report->source,
-                     report->registered, report->total, 100 * min_share, kCaptureAdvice);
+    Throw<DataError>("{} registered only {} of {} frames, expected at least {:.0f} %: {}{}", report->source,
+                     report->registered, report->total, 100 * min_share, kCaptureAdvice, log_note);
   }
   if (!report->missing.empty()) {
     LogWarning("{} registered {} of {} frames; continuing without the others", report->source, report->registered,
@@ -234,7 +235,9 @@ PosesReport SolvePoses(const fs::path& input, const fs::path& scene_folder, cons
   }
   report.mean_reprojection_error = model.mean_reprojection_error;
   Solved solved = Identify(std::move(model), copied);
-  CheckRegistered(solved, copied, options.min_registered_share, &report);
+  const std::string log_note =
+      report.source == "COLMAP" ? "; its output is in " + (scene_folder / "colmap" / "colmap.log").string() : "";
+  CheckRegistered(solved, copied, options.min_registered_share, log_note, &report);
   FitCameras(copied, &solved);
   WriteScene(solved, scene_folder, &report);
   finish_stage("scene");
