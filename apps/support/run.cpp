@@ -9,12 +9,14 @@
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/interrupt.h"
 #include "libeditnerf/base/logging.h"
+#include "support/thread_pools.h"
 
 namespace editnerf {
 
 int RunProgram(const std::string& name, const std::string& description, int argc, const char* const* argv,
                const std::function<void(CLI::App&)>& define, const std::function<void(const CommonOptions&)>& body) {
   constexpr int kUsageError = 2;
+  RestartWithShortSpins(const_cast<char* const*>(argv));  // execv takes it so, and changes nothing
   CLI::App app(description, name);
   app.set_version_flag("--version", name + " " EDITNERF_VERSION " (LibTorch " TORCH_VERSION ")",
                        "print the version and exit");

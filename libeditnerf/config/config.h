@@ -53,6 +53,7 @@ struct StageConfig {
   int64_t steps = 250000;
   double seconds = 0;                  // training seconds after which the stage ends; 0: no limit
   int64_t rays_per_step = 6144;        // 4 x 1536
+  int64_t samples_per_step = 0;        // fewer rays are drawn where they would take more samples; 0: no limit
   double learning_rate = 1e-3;         // exponential from here
   double final_learning_rate = 1e-4;   // to here, over `steps` (or `seconds`, whichever is nearer its end)
   double key_point_learning_rate = 1.0;   // multiplies the learning rate of the key point table
@@ -73,6 +74,8 @@ struct StageConfig {
     v("steps", steps, "optimisation steps", AtLeast(1));
     v("seconds", seconds, "training seconds after which the stage ends; 0 for no limit", AtLeast(0));
     v("rays_per_step", rays_per_step, "rays per step", Between(1, 1 << 20));
+    v("samples_per_step", samples_per_step,
+      "samples that a step may take: fewer rays are drawn while they take many; 0 for no limit", AtLeast(0));
     v("learning_rate", learning_rate, "initial learning rate of Adam", Positive());
     v("final_learning_rate", final_learning_rate, "learning rate at the end of the exponential schedule", Positive());
     v("key_point_learning_rate", key_point_learning_rate, "factor on the learning rate for key points", AtLeast(0));

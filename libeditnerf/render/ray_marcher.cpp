@@ -1,5 +1,7 @@
 #include "libeditnerf/render/ray_marcher.h"
 
+#include <cmath>
+
 #include <torch/torch.h>
 
 #include <algorithm>
@@ -90,6 +92,30 @@ torch::Tensor ReachedSamples(const PackedSamples& samples, const torch::Tensor& 
   const auto before =
       torch::cat({torch::zeros_like(tau.narrow(1, 0, 1)), tau.cumsum(1).narrow(1, 0, tau.size(1) - 1)}, 1);
   return padding.Unpad(torch::exp(-before)) >= early_stop;
+}
+
+PackedSamples MarchUntilOpaque(const PackedSamples& samples, double early_stop,
+                               const std::function<torch::Tensor(const PackedSamples&)>& density) {
+  constexpr int64_t kWave = 8;  // samples per ray
+  torch::NoGradGuard no_grad;
+  const int64_t count = samples.t.size(0);
+  const auto rank = torch::arange(count, samples.ray.options()) - samples.offsets.index_select(0, samples.ray);
+  const auto wave = rank.div(kWave, "floor");
+  const int64_t waves = count > 0 ? wave.max().item<int64_t>() + 1 : 0;
+  const double opaque = -std::log(early_stop);
+  auto values = torch::zeros_like(samples.t);
+  auto evaluated = torch::zeros_like(samples.ray, torch::kBool);
+  auto passed = torch::zeros({samples.offsets.size(0) - 1}, samples.t.options());  // optical thickness of each ray
+  for (int64_t w = 0; w < waves; ++w) {
+    const auto wanted = wave.eq(w).logical_and(passed.index_select(0, samples.ray) <= opaque);
+    const auto index = wanted.nonzero().squeeze(1);
+    if (index.size(0) == 0) continue;
+    const auto found = density(SelectSamples(samples, wanted)).to(values.dtype());
+    values.index_copy_(0, index, found);
+    evaluated = evaluated.logical_or(wanted);
+    passed.index_add_(0, samples.ray.index_select(0, index), found * samples.delta.index_select(0, index));
+  }
+  return SelectSamples(samples, evaluated.logical_and(ReachedSamples(samples, values, early_stop)));
 }
 
 }  // namespace editnerf

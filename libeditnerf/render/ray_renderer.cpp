@@ -184,10 +184,9 @@ RayResult RayRenderer::RenderMarching(RadianceField& field, const RayBatch& rays
     const auto t = MarchCandidates(near, far, config_.march_steps, options.training);
     samples = PackSamples(t, torch::full_like(t, step), OccupiedAlong(rays, t, states));
     if (config_.early_stop > 0) {
-      const auto density =
-          EvaluateField(field, InputAt(rays, samples.ray, samples.t), states, Level::kFine, /*with_color=*/false)
-              .density;
-      samples = SelectSamples(samples, ReachedSamples(samples, density, config_.early_stop));
+      samples = MarchUntilOpaque(samples, config_.early_stop, [&](const PackedSamples& wave) {
+        return EvaluateField(field, InputAt(rays, wave.ray, wave.t), states, Level::kFine, /*with_color=*/false).density;
+      });
     }
   }
   const auto input = InputAt(rays, samples.ray, samples.t);

@@ -20,6 +20,7 @@ namespace {
 constexpr int64_t kHeldOutRays = 8192;
 // A random background makes surfaces opaque; from the first step on it would build a fog wall before the cameras.
 constexpr int64_t kRandomBackgroundDelay = 200;
+constexpr int64_t kFewestRays = 256;
 
 const StageConfig& StageOf(const Run& run) {
   return run.stage == FieldStage::kPretrain ? run.config.pretrain : run.config.train;
@@ -98,8 +99,18 @@ void Trainer::AddKeyPointLosses(const FrameStates& states, NamedTensors* losses)
   }
 }
 
-NamedTensors Trainer::Losses(int64_t* samples) {
-  const RayTargets batch = rays_.Sample(stage_.rays_per_step);
+// As many as the last step's samples per ray allow. A resumed run starts from the most that a ray can take, as a fresh
+// one does.
+int64_t Trainer::RaysForStep() const {
+  if (stage_.samples_per_step == 0) return stage_.rays_per_step;
+  const double most = static_cast<double>(run_.config.render.march_steps);
+  const double each = samples_per_ray_ > 0 ? samples_per_ray_ : most;
+  const auto affordable = static_cast<int64_t>(static_cast<double>(stage_.samples_per_step) / each);
+  return std::clamp(affordable, std::min<int64_t>(kFewestRays, stage_.rays_per_step), stage_.rays_per_step);
+}
+
+NamedTensors Trainer::Losses() {
+  const RayTargets batch = rays_.Sample(RaysForStep());
   const FrameStates states =
       run_.field->States(torch::arange(rays_.cameras().size(), torch::kInt64).to(run_.device));
   RayOptions options;
@@ -110,7 +121,9 @@ NamedTensors Trainer::Losses(int64_t* samples) {
   options.surface = stage_.lambda_ambient > 0 || run_.config.field.warp.enabled;
   const RayResult result = run_.renderer->Render(
       *run_.field, {batch.rays.origin, batch.rays.direction, batch.frame}, states, options);
-  *samples = result.samples;
+  run_.counters.rays += batch.frame.size(0);
+  run_.counters.samples += result.samples;
+  samples_per_ray_ = static_cast<double>(result.samples) / static_cast<double>(batch.frame.size(0));
   NamedTensors losses;
   losses.emplace_back("reconstruction", ReconstructionLoss(result.rgb, result.rgb_coarse, batch.target));
   if (run_.config.field.warp.enabled && stage_.lambda_warp > 0) {
@@ -137,8 +150,7 @@ std::map<std::string, double> Trainer::Step() {
     run_.renderer->UpdateOccupancy(
         *run_.field, run_.field->States(torch::arange(rays_.cameras().size(), torch::kInt64).to(run_.device)));
   }
-  int64_t samples = 0;
-  const NamedTensors losses = Losses(&samples);
+  const NamedTensors losses = Losses();
   torch::Tensor total;
   for (const auto& [name, loss] : losses) total = total.defined() ? total + loss : loss;
   adam_.ZeroGrad();
@@ -153,8 +165,6 @@ std::map<std::string, double> Trainer::Step() {
   std::map<std::string, double> values;
   for (size_t i = 0; i < losses.size(); ++i) values[losses[i].first] = verdict.losses[i];
   ++counters.step;
-  counters.rays += stage_.rays_per_step;
-  counters.samples += samples;
   return values;
 }
 

@@ -34,7 +34,8 @@ class Trainer {
   const Run& run() const { return run_; }
 
  private:
-  NamedTensors Losses(int64_t* samples);
+  int64_t RaysForStep() const;
+  NamedTensors Losses();
   void AddKeyPointLosses(const FrameStates& states, NamedTensors* losses) const;
   double Progress() const;  // in [0, 1], of steps or seconds
   std::optional<double> Measure();
@@ -52,6 +53,7 @@ class Trainer {
   Adam adam_;
   StepGuard guard_;
   std::optional<MetricsLog> log_;
+  double samples_per_ray_ = 0;  // of the last step
   std::optional<int64_t> resumed_step_;
   std::vector<torch::Tensor> good_;  // the weights at the last checkpoint
 };
