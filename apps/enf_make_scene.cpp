@@ -1,14 +1,12 @@
 // enf-make-scene: writes a synthetic scene with exact ground truth as a scene folder.
 #include <fmt/ranges.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <string>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/logging.h"
-#include "libeditnerf/base/parallel.h"
 #include "libeditnerf/imaging/scene_folder.h"
 #include "libeditnerf/scene/synthetic/synthetic_scene.h"
 #include "support/run.h"
@@ -33,27 +31,25 @@ int main(int argc, char** argv) {
   editnerf::SyntheticOptions options;
   std::string name, size = "320x180";
   std::filesystem::path out;
-  int64_t threads = 0;
-  CLI::App app("Writes a synthetic scene with exact ground truth: " +
-               fmt::format("{}", fmt::join(editnerf::SyntheticSceneNames(), ", ")) + ".");
-  app.add_option("name", name, "which scene")->required();
-  app.add_option("--out", out, "scene folder to write")->required();
-  app.add_option("--frames", options.frames, "training frames")->capture_default_str();
-  app.add_option("--val-frames", options.val_frames, "known states from new cameras")->capture_default_str();
-  app.add_option("--edit-frames", options.edit_frames, "states that training never shows")->capture_default_str();
-  app.add_option("--size", size, "WIDTHxHEIGHT in pixels")->capture_default_str();
-  app.add_option("--samples", options.samples_per_side, "antialiasing samples per pixel side")->capture_default_str();
-  app.add_option("--seed", options.seed, "of the camera's wandering and the edits")->capture_default_str();
-  app.add_option("--threads", threads, "0 takes every core")->capture_default_str();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
-  return editnerf::RunProgram([&] {
-    ParseSize(size, &options);
-    editnerf::SetNumThreads(threads);
-    editnerf::WriteSceneFolder(editnerf::MakeSyntheticScene(name, options), out);
-    editnerf::LogInfo("wrote {}", out.string());
-  });
+  return editnerf::RunProgram(
+      "enf-make-scene",
+      fmt::format("Writes a synthetic scene with exact ground truth: {}.",
+                  fmt::join(editnerf::SyntheticSceneNames(), ", ")),
+      argc, argv,
+      [&](CLI::App& app) {
+        app.add_option("NAME", name, "which scene")->required();
+        app.add_option("--out", out, "scene folder to write")->required();
+        app.add_option("--frames", options.frames, "training frames")->capture_default_str();
+        app.add_option("--val-frames", options.val_frames, "known states from new cameras")->capture_default_str();
+        app.add_option("--edit-frames", options.edit_frames, "states that training never shows")->capture_default_str();
+        app.add_option("--size", size, "WIDTHxHEIGHT in pixels")->capture_default_str();
+        app.add_option("--samples", options.samples_per_side, "antialiasing samples per pixel side")
+            ->capture_default_str();
+      },
+      [&](const editnerf::CommonOptions& common) {
+        ParseSize(size, &options);
+        options.seed = static_cast<uint64_t>(common.seed);
+        editnerf::WriteSceneFolder(editnerf::MakeSyntheticScene(name, options), out);
+        editnerf::LogInfo("wrote {}", out.string());
+      });
 }

@@ -1,10 +1,11 @@
 # One function each to add a library part, a program and a test program.
 include(CheckCXXCompilerFlag)
-find_program(EDITNERF_CCACHE ccache)
-if(EDITNERF_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  # pch_defines,time_macros: what ccache needs to reuse objects built with a precompiled header.
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env
-      CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${EDITNERF_CCACHE})
+# ccache helps with GCC; with Clang it would hash a precompiled header of 125 MB for every file, slower than compiling.
+if(NOT CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+  find_program(EDITNERF_CCACHE ccache)
+  if(EDITNERF_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+    set(CMAKE_CXX_COMPILER_LAUNCHER ${EDITNERF_CCACHE})
+  endif()
 endif()
 
 function(editnerf_set_common target)

@@ -76,6 +76,9 @@ void Trainer::Resume(const std::map<std::string, torch::Tensor>& extra) {
   resumed_step_ = run_.counters.step;
   const auto generator = extra.find("generator");
   if (generator == extra.end()) Throw<CheckpointError>("checkpoint: the random generator's state is missing");
+  if (const auto samples = extra.find("samples_per_ray"); samples != extra.end()) {
+    samples_per_ray_ = samples->second.item<double>();
+  }
   at::Generator sequence = at::detail::getDefaultCPUGenerator();
   sequence.set_state(generator->second);
 }
@@ -99,8 +102,7 @@ void Trainer::AddKeyPointLosses(const FrameStates& states, NamedTensors* losses)
   }
 }
 
-// As many as the last step's samples per ray allow. A resumed run starts from the most that a ray can take, as a fresh
-// one does.
+// As many as the last step's samples per ray allow; a fresh run starts from the most that a ray can take.
 int64_t Trainer::RaysForStep() const {
   if (stage_.samples_per_step == 0) return stage_.rays_per_step;
   const double most = static_cast<double>(run_.config.render.march_steps);
@@ -210,6 +212,7 @@ void Trainer::Save() {
   KeepGoodState();
   std::map<std::string, torch::Tensor> extra;
   for (const auto& [name, tensor] : adam_.State()) extra["adam." + name] = tensor;
+  extra["samples_per_ray"] = torch::tensor(samples_per_ray_, torch::kFloat64);
   extra["generator"] = at::detail::getDefaultCPUGenerator().get_state();
   SaveRun(run_, folder_, extra);
 }

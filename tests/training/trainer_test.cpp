@@ -1,0 +1,167 @@
+#include "libeditnerf/training/trainer.h"
+
+#include <torch/torch.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/interrupt.h"
+#include "libeditnerf/config/yaml.h"
+#include "libeditnerf/scene/synthetic/synthetic_scene.h"
+#include "tests/catch.h"
+
+using namespace editnerf;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+const Scene& TinyScene() {
+  static const Scene scene = [] {
+    SyntheticOptions options;
+    options.frames = 8;
+    options.val_frames = 2;
+    options.edit_frames = 0;
+    options.width = 32;
+    options.height = 18;
+    options.samples_per_side = 2;
+    return MakeSyntheticScene("hinge", options);
+  }();
+  return scene;
+}
+
+Config Load(const char* name) {
+  return LoadConfig(fs::path(EDITNERF_SOURCE_DIR) / "configs" / (std::string(name) + ".yaml"));
+}
+
+// The default configuration at a size for tests.
+Config SmallFast() {
+  Config config = Load("fast");
+  config.render.march_steps = 32;
+  config.render.occupancy_resolution = 16;
+  config.field.fast.canonical_hash.num_levels = 6;
+  config.field.fast.canonical_hash.log2_table_size = 12;
+  config.field.fast.local_hash = config.field.fast.canonical_hash;
+  for (StageConfig* stage : {&config.pretrain, &config.train}) {
+    stage->steps = 60;
+    stage->seconds = 0;
+    stage->rays_per_step = 256;
+    stage->samples_per_step = 0;
+    stage->evaluate_every = 0;
+    stage->log_every = 1;
+  }
+  return config;
+}
+
+// The lid's corner on its true path, as tracks [T, 1, 3].
+torch::Tensor TrueTracks(const Scene& scene) {
+  std::vector<torch::Tensor> tracks;
+  const torch::Tensor start = torch::tensor({0.1, 0.0, 0.1, 1.0}, torch::kFloat64);
+  const torch::Tensor motions = scene.truth->scene_from_object.select(1, 0);
+  const torch::Tensor inverse = torch::linalg_inv(motions[scene.train[0]]);
+  for (const int64_t frame : scene.train) {
+    tracks.push_back(torch::mv(motions[frame], torch::mv(inverse, start)).slice(0, 0, 3));
+  }
+  return torch::stack(tracks).unsqueeze(1).to(torch::kFloat32);
+}
+
+double MeanOfLosses(Trainer& trainer, int steps) {
+  double sum = 0;
+  for (int i = 0; i < steps; ++i) sum += trainer.Step().at("reconstruction");
+  return sum / steps;
+}
+
+fs::path Scratch(const std::string& name) {
+  const fs::path folder = fs::temp_directory_path() / ("editnerf_trainer_" + name + "_" + std::to_string(::getpid()));
+  fs::remove_all(folder);
+  return folder;
+}
+
+}  // namespace
+
+TEST_CASE("the paper's configuration trains on a tiny scene with falling loss") {
+  torch::manual_seed(1);
+  const Config config = Load("tiny");
+  const Run run = MakeRun(config, FieldStage::kTrain, TinyScene(), TrueTracks(TinyScene()), torch::kCPU);
+  KeyPointSupervision supervision;
+  supervision.flow = torch::zeros({7, 18, 32, 2});
+  supervision.depth = TinyScene().truth->depth.slice(0, 0, 8).clone();
+  Trainer trainer(run, TinyScene(), supervision, Scratch("paper"));
+  const double first = MeanOfLosses(trainer, 20);
+  for (int i = 0; i < 160; ++i) trainer.Step();
+  const double last = MeanOfLosses(trainer, 20);
+  CHECK(std::isfinite(last));
+  CHECK(last < 0.7 * first);
+}
+
+TEST_CASE("both stages of the fast field train on a tiny scene with falling loss") {
+  for (const FieldStage stage : {FieldStage::kPretrain, FieldStage::kTrain}) {
+    torch::manual_seed(1);
+    const torch::Tensor tracks = stage == FieldStage::kTrain ? TrueTracks(TinyScene()) : torch::Tensor();
+    const Run run = MakeRun(SmallFast(), stage, TinyScene(), tracks, torch::kCPU);
+    Trainer trainer(run, TinyScene(), std::nullopt, Scratch("fast"));
+    const double first = MeanOfLosses(trainer, 10);
+    for (int i = 0; i < 60; ++i) trainer.Step();
+    CHECK(MeanOfLosses(trainer, 10) < 0.6 * first);
+  }
+}
+
+TEST_CASE("an interrupted run continues as if nothing had happened") {
+  const auto config = SmallFast();
+  const auto make = [&] {
+    torch::manual_seed(5);
+    return MakeRun(config, FieldStage::kTrain, TinyScene(), TrueTracks(TinyScene()), torch::kCPU);
+  };
+  std::vector<double> straight, resumed;
+  {
+    Trainer trainer(make(), TinyScene(), std::nullopt, Scratch("straight"));
+    for (int i = 0; i < 24; ++i) straight.push_back(trainer.Step().at("reconstruction"));
+  }
+  const fs::path folder = Scratch("resumed");
+  {
+    Trainer trainer(make(), TinyScene(), std::nullopt, folder);
+    for (int i = 0; i < 12; ++i) resumed.push_back(trainer.Step().at("reconstruction"));
+    RequestInterrupt();
+    CHECK_THROWS_AS(trainer.Train(), Interrupted);  // takes one step, then writes the checkpoint
+    ClearInterrupt();
+  }
+  const LoadedRun loaded = LoadRunWithExtra(folder, torch::kCPU);
+  CHECK(loaded.run.counters.step == 13);
+  Trainer trainer(loaded.run, TinyScene(), std::nullopt, folder);
+  trainer.Resume(loaded.extra);
+  for (int i = 13; i < 24; ++i) resumed.push_back(trainer.Step().at("reconstruction"));
+  CHECK(straight[12] > 0);
+  for (size_t i = 13; i < 24; ++i) CHECK(resumed[i - 1] == Approx(straight[i]).epsilon(1e-4));
+  fs::remove_all(folder);
+}
+
+TEST_CASE("a step with a loss that is not finite changes no weight") {
+  torch::manual_seed(1);
+  const Run run = MakeRun(SmallFast(), FieldStage::kTrain, TinyScene(), TrueTracks(TinyScene()), torch::kCPU);
+  Trainer trainer(run, TinyScene(), std::nullopt, Scratch("guard"));
+  trainer.Step();
+  const auto parameters = run.field->named_parameters();
+  {
+    const torch::NoGradGuard no_grad;
+    parameters["fine.color_network.output.bias"].fill_(std::nan(""));
+  }
+  const torch::Tensor before = parameters["fine.canonical_table"].detach().clone();
+  trainer.Step();
+  CHECK(torch::equal(before, parameters["fine.canonical_table"].detach()));
+}
+
+TEST_CASE("a checkpoint that is damaged, cut off or of another kind is refused by name") {
+  const fs::path folder = Scratch("damaged");
+  CHECK_THROWS_WITH(LoadRun(folder), Catch::Contains("checkpoint.safetensors: no checkpoint here"));
+  SaveRun(MakeRun(SmallFast(), FieldStage::kTrain, TinyScene(), TrueTracks(TinyScene()), torch::kCPU), folder);
+  CHECK_NOTHROW(LoadRun(folder));
+  const fs::path path = folder / "checkpoint.safetensors";
+  fs::resize_file(path, fs::file_size(path) / 2);
+  CHECK_THROWS_AS(LoadRun(folder), CheckpointError);
+  std::ofstream(path) << "not a checkpoint";
+  CHECK_THROWS_AS(LoadRun(folder), CheckpointError);
+  fs::remove_all(folder);
+}
