@@ -1,6 +1,7 @@
 #include "libeditnerf/base/parallel.h"
 
 #include <ATen/Parallel.h>
+#include <dlfcn.h>
 #include <sched.h>
 
 #include <algorithm>
@@ -73,6 +74,7 @@ class Pool {
  private:
   void Loop() {
     int64_t seen = 0;
+    at::set_num_threads(1);  // LibTorch's number of threads is each thread's own
     for (;;) {
       Job* job;
       {
@@ -106,10 +108,33 @@ int64_t AvailableCores() {
 int64_t g_num_threads = 0;
 std::unique_ptr<Pool> g_pool;
 
+// OpenBLAS, where it is the BLAS under LibTorch, has a pool and a number of threads of its own.
+void SetBlasThreads(int64_t count) {
+  using SetThreads = void (*)(int);
+  static const auto set = reinterpret_cast<SetThreads>(dlsym(RTLD_DEFAULT, "openblas_set_num_threads"));
+  if (set != nullptr) set(static_cast<int>(count));
+}
+
+// LibTorch and OpenBLAS with one thread in the calling thread, until it goes.
+class SerialOperations {
+ public:
+  SerialOperations() {
+    at::set_num_threads(1);
+    SetBlasThreads(1);
+  }
+  ~SerialOperations() {
+    at::set_num_threads(static_cast<int>(NumThreads()));
+    SetBlasThreads(NumThreads());
+  }
+  SerialOperations(const SerialOperations&) = delete;
+  SerialOperations& operator=(const SerialOperations&) = delete;
+};
+
 }  // namespace
 
 void SetNumThreads(int64_t count) {
   g_num_threads = count > 0 ? count : AvailableCores();
+  SetBlasThreads(g_num_threads);
   g_pool = g_num_threads > 1 ? std::make_unique<Pool>(g_num_threads - 1) : nullptr;
   at::set_num_threads(static_cast<int>(g_num_threads));
 }
@@ -131,6 +156,20 @@ void ParallelFor(int64_t count, int64_t grain, const std::function<void(int64_t,
   job.count = count;
   // A few chunks per thread even out chunks of unequal cost.
   job.chunk = std::max(grain, (count + 4 * threads - 1) / (4 * threads));
+  g_pool->Run(job);
+  if (job.error) std::rethrow_exception(job.error);
+}
+
+void ParallelParts(int64_t count, const std::function<void(int64_t)>& body) {
+  const auto each = [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) body(i);
+  };
+  if (t_inside || NumThreads() == 1 || count <= 1) return each(0, count);
+  const SerialOperations serial;
+  Job job;
+  const std::function<void(int64_t, int64_t)> work = each;
+  job.body = &work;
+  job.count = count;
   g_pool->Run(job);
   if (job.error) std::rethrow_exception(job.error);
 }

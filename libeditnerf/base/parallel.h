@@ -17,4 +17,8 @@ int64_t NumThreads();
 // rethrown here. Nested calls run serially.
 void ParallelFor(int64_t count, int64_t grain, const std::function<void(int64_t, int64_t)>& body);
 
+// The same with one item a call, for bodies that run LibTorch's operations: inside, those and OpenBLAS take one thread
+// each, so that the parts do not fight for the cores.
+void ParallelParts(int64_t count, const std::function<void(int64_t)>& body);
+
 }  // namespace editnerf

@@ -25,12 +25,12 @@ namespace editnerf {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+
 
 constexpr int64_t kFramesPerProtocol = 12;  // the report measures a sample; enf-eval measures all
 constexpr int64_t kDemoSweepFrames = 36;
 
-Json ReadIfThere(const fs::path& path) { return fs::exists(path) ? Json(ReadJson(path)) : Json::object(); }
+nlohmann::ordered_json ReadIfThere(const fs::path& path) { return fs::exists(path) ? nlohmann::ordered_json(ReadJson(path)) : nlohmann::ordered_json::object(); }
 
 ChartSeries HeldOutSeries(const std::string& name, const fs::path& csv) {
   ChartSeries series{name, {}, false};
@@ -99,12 +99,12 @@ torch::Tensor MakeStrip(const Run& run, const Scene& scene) {
   return torch::cat(rows, 0).contiguous();
 }
 
-std::string Number(const Json& scores, const std::string& key, const char* format) {
+std::string Number(const nlohmann::ordered_json& scores, const std::string& key, const char* format) {
   const auto found = scores.find(key);
   return found != scores.end() && found->is_number() ? fmt::format(fmt::runtime(format), found->get<double>()) : "-";
 }
 
-void AddScores(const Json& scores, ReportContents* report) {
+void AddScores(const nlohmann::ordered_json& scores, ReportContents* report) {
   ReportTable table;
   table.title = "Scores";
   table.headers = {"protocol", "frames", "PSNR, dB", "PSNR of moving pixels, dB", "SSIM", "MS-SSIM"};
@@ -129,18 +129,19 @@ void AddScores(const Json& scores, ReportContents* report) {
 }
 
 void AddStages(const fs::path& work, ReportContents* report) {
-  const Json stages = ReadIfThere(work / "stages.json");
+  const nlohmann::ordered_json stages = ReadIfThere(work / "stages.json");
   double total = 0;
-  for (const auto& [name, seconds] : stages.items()) {
-    if (!seconds.is_number()) continue;
-    report->stages.push_back({name, seconds.get<double>(), "done"});
-    total += seconds.get<double>();
+  for (const char* name : {"scene", "pretrain", "detect", "train"}) {
+    const auto seconds = stages.find(name);
+    if (seconds == stages.end() || !seconds->is_number()) continue;
+    report->stages.push_back({name, seconds->get<double>(), "done"});
+    total += seconds->get<double>();
   }
   report->facts.emplace_back("time before this report", SpokenDuration(total));
 }
 
 void AddDetectionNotes(const fs::path& work, ReportContents* report) {
-  const Json detection = ReadIfThere(work / "scene" / "data" / "detection.json");
+  const nlohmann::ordered_json detection = ReadIfThere(work / "scene" / "data" / "detection.json");
   const auto notes = detection.find("notes");
   if (notes == detection.end() || !notes->is_array()) return;
   for (const auto& note : *notes) {
@@ -172,7 +173,7 @@ void WriteRunReport(const fs::path& work, const Scene& scene, torch::Device devi
   request.max_frames = kFramesPerProtocol;
   request.detection_folder = work / "scene";
   request.pictures = out / "pictures";
-  Json scores = ToJson(EvaluateRun(run, scene, request));
+  nlohmann::ordered_json scores = ToJson(EvaluateRun(run, scene, request));
   scores.update(ToJson(MeasureKeyPoints(run, scene, request.detection_folder)));
   WriteJson(out / "scores.json", scores);
 

@@ -54,21 +54,25 @@ RenderedImage RenderImage(RadianceField& field, RayRenderer& renderer, const Cam
   RayOptions ray_options;
   ray_options.background = options.background;
 
-  std::vector<RayResult> parts;
-  RenderedImage image;
-  for (int64_t first = 0; first < directions.size(0); first += options.chunk) {
+  const int64_t count = directions.size(0);
+  std::vector<RayResult> parts(static_cast<size_t>((count + options.chunk - 1) / options.chunk));
+  ParallelParts(static_cast<int64_t>(parts.size()), [&](int64_t index) {
     if (InterruptRequested()) Throw<Interrupted>("rendering stopped by request");
+    const torch::NoGradGuard no_grad_here;  // each thread has its own
+    const int64_t first = index * options.chunk;
     RayBatch rays;
-    rays.direction = directions.narrow(0, first, std::min(options.chunk, directions.size(0) - first));
+    rays.direction = directions.narrow(0, first, std::min(options.chunk, count - first));
     rays.origin = origin.expand_as(rays.direction);
     rays.state = torch::zeros({rays.direction.size(0)}, directions.options().dtype(torch::kInt64));
-    parts.push_back(renderer.Render(field, rays, states, ray_options));
-    image.samples += parts.back().samples;
+    RayResult& part = parts[static_cast<size_t>(index)];
+    part = renderer.Render(field, rays, states, ray_options);
     // Padded to the chunk's longest ray and large: not kept.
     for (const auto member : {&RayResult::sample_weights, &RayResult::interval_center, &RayResult::interval_length}) {
-      parts.back().*member = torch::Tensor();
+      part.*member = torch::Tensor();
     }
-  }
+  });
+  RenderedImage image;
+  for (const RayResult& part : parts) image.samples += part.samples;
   image.rgb = Joined(parts, &RayResult::rgb, camera);
   image.opacity = Joined(parts, &RayResult::opacity, camera);
   image.depth = Joined(parts, &RayResult::depth, camera);

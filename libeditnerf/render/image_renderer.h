@@ -11,7 +11,7 @@
 namespace editnerf {
 
 struct ImageOptions {
-  int64_t chunk = 8192;                           // rays at a time
+  int64_t chunk = 2048;                           // rays at a time, in each thread
   torch::TensorOptions tensor = torch::kFloat32;  // type and device of the rays: those of the field
   torch::Tensor background;                       // [3]; undefined: as RayRenderer does without one
 };

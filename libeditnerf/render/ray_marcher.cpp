@@ -30,13 +30,15 @@ torch::Tensor KeptIndices(const torch::Tensor& keep) {
 
 }  // namespace
 
-torch::Tensor MarchCandidates(const torch::Tensor& near, const torch::Tensor& far, int64_t steps, bool jitter) {
+torch::Tensor MarchCandidates(const torch::Tensor& near, const torch::Tensor& far, int64_t steps,
+                              const torch::Tensor& within) {
   CheckShape(near, {kAny}, "near");
   CheckShape(far, {near.size(0)}, "far");
+  CheckShape(within, {near.size(0)}, "within");
   torch::NoGradGuard no_grad;
   const auto options = near.options().requires_grad(false);
-  const auto within = jitter ? torch::rand({near.size(0), 1}, options) : torch::full({near.size(0), 1}, 0.5, options);
-  return near.unsqueeze(1) + (torch::arange(steps, options) + within) * ((far - near) / steps).unsqueeze(1);
+  return near.unsqueeze(1) +
+         (torch::arange(steps, options) + within.unsqueeze(1)) * ((far - near) / static_cast<double>(steps)).unsqueeze(1);
 }
 
 PackedSamples PackSamples(const torch::Tensor& t, const torch::Tensor& delta, const torch::Tensor& keep) {

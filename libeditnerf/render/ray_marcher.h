@@ -16,9 +16,10 @@ struct PackedSamples {
   torch::Tensor offsets;  // [R + 1] int64: samples of ray r are offsets[r] .. offsets[r + 1] - 1
 };
 
-// Middles (or, with `jitter`, one random position per ray) of `steps` equal intervals between near and far [R] ->
-// t [R, steps]; every interval is (far - near) / steps long.
-torch::Tensor MarchCandidates(const torch::Tensor& near, const torch::Tensor& far, int64_t steps, bool jitter);
+// Positions in `steps` equal intervals between near and far [R] -> t [R, steps]; every interval is
+// (far - near) / steps long. `within` [R] in [0, 1] says where in its intervals a ray's samples lie.
+torch::Tensor MarchCandidates(const torch::Tensor& near, const torch::Tensor& far, int64_t steps,
+                              const torch::Tensor& within);
 
 // The samples of t and delta [R, C] where keep [R, C] (bool). Where nothing at all is to be kept, the first sample of
 // the first ray is, so that everything downstream has a sample and its gradients a path.

@@ -177,11 +177,15 @@ RayResult RayRenderer::RenderMarching(RadianceField& field, const RayBatch& rays
                                       const RayOptions& options) {
   const int64_t count = rays.origin.size(0);
   const auto near = rays.origin.new_full({count}, near_), far = rays.origin.new_full({count}, far_);
-  const double step = (far_ - near_) / static_cast<double>(config_.march_steps);
+  const int64_t steps = options.march_steps > 0 ? options.march_steps : config_.march_steps;
+  const double step = (far_ - near_) / static_cast<double>(steps);
   PackedSamples samples;
   {
     torch::NoGradGuard no_grad;
-    const auto t = MarchCandidates(near, far, config_.march_steps, options.training);
+    const auto within = options.jitter.defined() ? options.jitter
+                        : options.training       ? torch::rand_like(near)
+                                                 : torch::full_like(near, 0.5);
+    const auto t = MarchCandidates(near, far, steps, within);
     samples = PackSamples(t, torch::full_like(t, step), OccupiedAlong(rays, t, states));
     if (config_.early_stop > 0) {
       samples = MarchUntilOpaque(samples, config_.early_stop, [&](const PackedSamples& wave) {

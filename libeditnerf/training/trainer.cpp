@@ -10,6 +10,7 @@
 #include "libeditnerf/base/file.h"
 #include "libeditnerf/base/interrupt.h"
 #include "libeditnerf/base/logging.h"
+#include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/progress.h"
 #include "libeditnerf/training/losses.h"
 #include "libeditnerf/training/schedule.h"
@@ -21,6 +22,12 @@ constexpr int64_t kHeldOutRays = 8192;
 // A random background makes surfaces opaque; from the first step on it would build a fog wall before the cameras.
 constexpr int64_t kRandomBackgroundDelay = 200;
 constexpr int64_t kFewestRays = 256;
+
+// Steps along a ray: few while everything is fog, all of them once surfaces have formed.
+int64_t MarchStepsFor(int64_t step, int64_t configured) {
+  if (step < 100) return std::max<int64_t>(2, configured / 4);
+  return step < 300 ? std::max<int64_t>(2, configured / 2) : configured;
+}
 
 const StageConfig& StageOf(const Run& run) {
   return run.stage == FieldStage::kPretrain ? run.config.pretrain : run.config.train;
@@ -105,27 +112,18 @@ void Trainer::AddKeyPointLosses(const FrameStates& states, NamedTensors* losses)
 // As many as the last step's samples per ray allow; a fresh run starts from the most that a ray can take.
 int64_t Trainer::RaysForStep() const {
   if (stage_.samples_per_step == 0) return stage_.rays_per_step;
-  const double most = static_cast<double>(run_.config.render.march_steps);
+  const auto most = static_cast<double>(MarchStepsFor(run_.counters.step, run_.config.render.march_steps));
   const double each = samples_per_ray_ > 0 ? samples_per_ray_ : most;
   const auto affordable = static_cast<int64_t>(static_cast<double>(stage_.samples_per_step) / each);
   return std::clamp(affordable, std::min<int64_t>(kFewestRays, stage_.rays_per_step), stage_.rays_per_step);
 }
 
-NamedTensors Trainer::Losses() {
-  const RayTargets batch = rays_.Sample(RaysForStep());
-  const FrameStates states =
-      run_.field->States(torch::arange(rays_.cameras().size(), torch::kInt64).to(run_.device));
-  RayOptions options;
-  options.training = true;
-  if (stage_.random_background && run_.counters.step >= kRandomBackgroundDelay) {
-    options.background = torch::rand_like(batch.target);
-  }
-  options.surface = stage_.lambda_ambient > 0 || run_.config.field.warp.enabled;
+// Loss terms of some of the step's rays, as means over them.
+NamedTensors Trainer::RayLosses(const RayTargets& batch, const FrameStates& states, const RayOptions& options,
+                                int64_t* samples) const {
   const RayResult result = run_.renderer->Render(
       *run_.field, {batch.rays.origin, batch.rays.direction, batch.frame}, states, options);
-  run_.counters.rays += batch.frame.size(0);
-  run_.counters.samples += result.samples;
-  samples_per_ray_ = static_cast<double>(result.samples) / static_cast<double>(batch.frame.size(0));
+  *samples = result.samples;
   NamedTensors losses;
   losses.emplace_back("reconstruction", ReconstructionLoss(result.rgb, result.rgb_coarse, batch.target));
   if (run_.config.field.warp.enabled && stage_.lambda_warp > 0) {
@@ -140,8 +138,59 @@ NamedTensors Trainer::Losses() {
         DistortionLoss(result.sample_weights, result.interval_center, result.interval_length);
     losses.emplace_back("distortion", stage_.lambda_distortion * distortion.mean());
   }
-  AddKeyPointLosses(states, &losses);
   return losses;
+}
+
+FrameStates Trainer::AllStates() const {
+  return run_.field->States(torch::arange(rays_.cameras().size(), torch::kInt64).to(run_.device));
+}
+
+// Gradients of one step. Marching on the CPU takes a share of the rays in every thread, each with its own graph: that
+// beats threads inside every small operation by a factor of two. All random numbers are drawn here.
+NamedTensors Trainer::Backward() {
+  const int64_t step = run_.counters.step;
+  const RayTargets batch = rays_.Sample(RaysForStep());
+  const int64_t count = batch.frame.size(0);
+  const bool marching = run_.config.render.sampler == "occupancy";
+  const int64_t parts = marching && run_.device.is_cpu() ? std::min(NumThreads(), count) : 1;
+  RayOptions options;
+  options.training = true;
+  options.surface = stage_.lambda_ambient > 0 || run_.config.field.warp.enabled;
+  if (stage_.random_background && step >= kRandomBackgroundDelay) options.background = torch::rand_like(batch.target);
+  if (marching) {
+    options.jitter = torch::rand({count}).to(run_.device);
+    options.march_steps = MarchStepsFor(step, run_.config.render.march_steps);
+  }
+  std::vector<NamedTensors> losses(static_cast<size_t>(parts));
+  std::vector<int64_t> samples(static_cast<size_t>(parts));
+  ParallelParts(parts, [&](int64_t part) {
+    const int64_t begin = count * part / parts, end = count * (part + 1) / parts;
+    const auto rows = [&](const torch::Tensor& all) { return all.defined() ? all.slice(0, begin, end) : all; };
+    RayOptions own = options;
+    own.background = rows(options.background);
+    own.jitter = rows(options.jitter);
+    const FrameStates states = AllStates();
+    NamedTensors& terms = losses[static_cast<size_t>(part)];
+    terms = RayLosses({{rows(batch.rays.origin), rows(batch.rays.direction)}, rows(batch.frame), rows(batch.target)},
+                      states, own, &samples[static_cast<size_t>(part)]);
+    const double share = static_cast<double>(end - begin) / static_cast<double>(count);
+    for (auto& term : terms) term.second = term.second * share;
+    if (part == 0) AddKeyPointLosses(states, &terms);
+    torch::Tensor total;
+    for (const auto& [name, loss] : terms) total = total.defined() ? total + loss : loss;
+    total.backward();
+  });
+  NamedTensors sums = losses[0];
+  for (auto& [name, sum] : sums) sum = sum.detach();
+  for (size_t part = 1; part < losses.size(); ++part) {
+    for (size_t i = 0; i < losses[part].size(); ++i) sums[i].second = sums[i].second + losses[part][i].second.detach();
+  }
+  run_.counters.rays += count;
+  int64_t all_samples = 0;
+  for (const int64_t some : samples) all_samples += some;
+  run_.counters.samples += all_samples;
+  samples_per_ray_ = static_cast<double>(all_samples) / static_cast<double>(count);
+  return sums;
 }
 
 std::map<std::string, double> Trainer::Step() {
@@ -149,14 +198,10 @@ std::map<std::string, double> Trainer::Step() {
   run_.field->SetStep(counters.step);
   if (counters.step % run_.config.render.occupancy_update_every == 0) {
     const torch::NoGradGuard no_grad;
-    run_.renderer->UpdateOccupancy(
-        *run_.field, run_.field->States(torch::arange(rays_.cameras().size(), torch::kInt64).to(run_.device)));
+    run_.renderer->UpdateOccupancy(*run_.field, AllStates());
   }
-  const NamedTensors losses = Losses();
-  torch::Tensor total;
-  for (const auto& [name, loss] : losses) total = total.defined() ? total + loss : loss;
   adam_.ZeroGrad();
-  total.backward();
+  const NamedTensors losses = Backward();
   const StepVerdict verdict = guard_.Check(losses, adam_.parameters());
   if (verdict.take) {
     adam_.Step(ExponentialSchedule(stage_.learning_rate, stage_.final_learning_rate, Progress()));

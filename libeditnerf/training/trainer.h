@@ -35,7 +35,10 @@ class Trainer {
 
  private:
   int64_t RaysForStep() const;
-  NamedTensors Losses();
+  FrameStates AllStates() const;
+  NamedTensors Backward();
+  NamedTensors RayLosses(const RayTargets& batch, const FrameStates& states, const RayOptions& options,
+                         int64_t* samples) const;
   void AddKeyPointLosses(const FrameStates& states, NamedTensors* losses) const;
   double Progress() const;  // in [0, 1], of steps or seconds
   std::optional<double> Measure();

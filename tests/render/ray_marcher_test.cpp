@@ -18,7 +18,7 @@ struct Marched {
 Marched March(int64_t rays, int64_t steps, double share) {
   Marched m;
   const auto near = torch::full({rays}, 0.5, torch::kFloat64), far = torch::rand({rays}, torch::kFloat64) + 1;
-  m.t = MarchCandidates(near, far, steps, true);
+  m.t = MarchCandidates(near, far, steps, torch::rand_like(near));
   m.delta = ((far - near) / steps).unsqueeze(1).expand({rays, steps});
   m.keep = torch::rand({rays, steps}) < share;
   m.samples = PackSamples(m.t, m.delta, m.keep);
@@ -29,9 +29,9 @@ Marched March(int64_t rays, int64_t steps, double share) {
 
 TEST_CASE("march candidates are equally spaced, one in each interval") {
   const auto near = torch::ones({3}, torch::kFloat64), far = torch::full({3}, 3.0, torch::kFloat64);
-  const auto t = MarchCandidates(near, far, 4, false);
+  const auto t = MarchCandidates(near, far, 4, torch::full_like(near, 0.5));
   CHECK(torch::allclose(t[0], torch::tensor({1.25, 1.75, 2.25, 2.75}, torch::kFloat64)));
-  const auto jittered = MarchCandidates(near, far, 4, true);
+  const auto jittered = MarchCandidates(near, far, 4, torch::rand_like(near));
   CHECK(torch::allclose(jittered.diff(1, 1), torch::full({3, 3}, 0.5, torch::kFloat64)));
   CHECK(((jittered >= 1) & (jittered < 3)).all().item<bool>());
 }
