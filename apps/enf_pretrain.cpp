@@ -14,7 +14,8 @@ int main(int argc, char** argv) {
         app.add_option("SCENE", request.scene_folder, "scene folder, or packed scene")->required();
         app.add_option("--out", request.out, "run folder")->required();
         app.add_flag("--resume", request.resume, "continue from the checkpoint in the run folder");
-        budget = app.add_option("--time-budget", seconds, "training seconds (pretrain.seconds)")->check(CLI::PositiveNumber);
+        budget =
+            app.add_option("--time-budget", seconds, "training seconds (pretrain.seconds)")->check(CLI::PositiveNumber);
       },
       [&](const editnerf::CommonOptions& common) {
         request.config = common.config;

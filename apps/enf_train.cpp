@@ -16,7 +16,8 @@ int main(int argc, char** argv) {
         app.add_option("--out", request.out, "run folder")->required();
         app.add_option("--key-points", detection, "folder of enf-detect-keypoints --out; SCENE by default");
         app.add_flag("--resume", request.resume, "continue from the checkpoint in the run folder");
-        budget = app.add_option("--time-budget", seconds, "training seconds (train.seconds)")->check(CLI::PositiveNumber);
+        budget =
+            app.add_option("--time-budget", seconds, "training seconds (train.seconds)")->check(CLI::PositiveNumber);
       },
       [&](const editnerf::CommonOptions& common) {
         request.config = common.config;

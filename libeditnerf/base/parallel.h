@@ -12,9 +12,9 @@ namespace editnerf {
 void SetNumThreads(int64_t count);
 int64_t NumThreads();
 
-// Calls body(begin, end) on disjoint ranges that cover [0, count), each of at least `grain` (> 0) items but the last one;
-// returns when all are done. The division depends on count, grain and NumThreads() alone. An exception in `body` is
-// rethrown here. Nested calls run serially.
+// Calls body(begin, end) on disjoint ranges that cover [0, count), each of at least `grain` (> 0) items but the last
+// one; returns when all are done. The division depends on count, grain and NumThreads() alone. An exception in `body`
+// is rethrown here. Nested calls run serially.
 void ParallelFor(int64_t count, int64_t grain, const std::function<void(int64_t, int64_t)>& body);
 
 // The same with one item a call, for bodies that run LibTorch's operations: inside, those and OpenBLAS take one thread

@@ -59,7 +59,7 @@ void Progress::Finish(const std::string& note) {
 void Progress::Draw(const std::string& note, bool last) {
   const double fraction = done_ / total_;
   const double elapsed = clock_.Seconds();
-  const std::string time = last ? fmt::format("in {}", FormatDuration(elapsed))
+  const std::string time = last           ? fmt::format("in {}", FormatDuration(elapsed))
                            : fraction > 0 ? fmt::format("{} left", FormatDuration(elapsed * (1 / fraction - 1)))
                                           : std::string("estimating");
   const std::string tail = note.empty() ? "" : "  " + note;
@@ -70,8 +70,8 @@ void Progress::Draw(const std::string& note, bool last) {
   const int filled = static_cast<int>(fraction * kBarWidth);
   std::string bar;
   for (int i = 0; i < kBarWidth; ++i) bar += i < filled ? "█" : "░";
-  const std::string line = fmt::format("\r\033[K{:<12} {} {:3.0f}%  {}{}{}", label_, bar, 100 * fraction, time, tail,
-                                       last ? "\n" : "");
+  const std::string line =
+      fmt::format("\r\033[K{:<12} {} {:3.0f}%  {}{}{}", label_, bar, 100 * fraction, time, tail, last ? "\n" : "");
   std::fputs(line.c_str(), stderr);
   std::fflush(stderr);
 }

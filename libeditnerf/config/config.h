@@ -10,13 +10,14 @@
 namespace editnerf {
 
 struct DataConfig {
-  int64_t image_factor = 0;         // rgb/<factor>x; 0: the smallest factor that brings the longer side to max_side or below
+  int64_t image_factor = 0;  // rgb/<factor>x; 0: the smallest factor that brings the longer side to max_side or below
   int64_t max_side = 320;
-  std::string hold_out = "auto";    // frames kept from training where the scene has no validation frames of its own
+  std::string hold_out = "auto";  // frames kept from training where the scene has no validation frames of its own
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("image_factor", image_factor, "use rgb/<factor>x; 0 picks the smallest factor that respects max_side", Between(0, 64));
+    v("image_factor", image_factor, "use rgb/<factor>x; 0 picks the smallest factor that respects max_side",
+      Between(0, 64));
     v("max_side", max_side, "longest image side in pixels when image_factor is 0", Between(16, 16384));
     v("hold_out", hold_out,
       "where the scene names no validation frames: 'odd' keeps every second frame from training, as the paper does for "
@@ -29,11 +30,11 @@ struct RenderConfig {
   std::string sampler = "hierarchical";  // hierarchical: stratified, then from the coarse weights; occupancy: marching
   int64_t coarse_samples = 128;
   int64_t fine_samples = 128;
-  int64_t march_steps = 192;             // candidates between near and far
+  int64_t march_steps = 192;  // candidates between near and far
   int64_t occupancy_resolution = 64;
-  int64_t occupancy_update_every = 16;   // steps
-  double occupancy_threshold = 0.01;     // of alpha over one candidate step
-  double early_stop = 1e-3;              // transmittance at which a ray ends
+  int64_t occupancy_update_every = 16;  // steps
+  double occupancy_threshold = 0.01;    // of alpha over one candidate step
+  double early_stop = 1e-3;             // transmittance at which a ray ends
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -43,7 +44,8 @@ struct RenderConfig {
     v("march_steps", march_steps, "candidate samples between near and far (occupancy)", Between(2, 4096));
     v("occupancy_resolution", occupancy_resolution, "cells along each side of the occupancy grid", Between(8, 512));
     v("occupancy_update_every", occupancy_update_every, "steps between occupancy updates", AtLeast(1));
-    v("occupancy_threshold", occupancy_threshold, "opacity of one step from which a cell counts as occupied", Between(0, 1));
+    v("occupancy_threshold", occupancy_threshold, "opacity of one step from which a cell counts as occupied",
+      Between(0, 1));
     v("early_stop", early_stop, "transmittance at which a ray ends", Between(0, 0.5));
   }
 };
@@ -51,23 +53,23 @@ struct RenderConfig {
 // Optimisation of one stage (pretraining or training).
 struct StageConfig {
   int64_t steps = 250000;
-  double seconds = 0;                  // training seconds after which the stage ends; 0: no limit
-  int64_t rays_per_step = 6144;        // 4 x 1536
-  int64_t samples_per_step = 0;        // fewer rays are drawn where they would take more samples; 0: no limit
-  double learning_rate = 1e-3;         // exponential from here
-  double final_learning_rate = 1e-4;   // to here, over `steps` (or `seconds`, whichever is nearer its end)
-  double key_point_learning_rate = 1.0;   // multiplies the learning rate of the key point table
-  double code_learning_rate = 1.0;        // multiplies the learning rate of the per-frame codes
-  double lambda_motion = 1e-4;         // of squared pixels at reference_width
-  double reference_width = 320;        // image width that lambda_motion's pixels refer to
+  double seconds = 0;                    // training seconds after which the stage ends; 0: no limit
+  int64_t rays_per_step = 6144;          // 4 x 1536
+  int64_t samples_per_step = 0;          // fewer rays are drawn where they would take more samples; 0: no limit
+  double learning_rate = 1e-3;           // exponential from here
+  double final_learning_rate = 1e-4;     // to here, over `steps` (or `seconds`, whichever is nearer its end)
+  double key_point_learning_rate = 1.0;  // multiplies the learning rate of the key point table
+  double code_learning_rate = 1.0;       // multiplies the learning rate of the per-frame codes
+  double lambda_motion = 1e-4;           // of squared pixels at reference_width
+  double reference_width = 320;          // image width that lambda_motion's pixels refer to
   double lambda_geometry = 0.5;
   double lambda_warp = 0.1;
-  double lambda_ambient = 0;           // of the squared ambient coordinates at surface points (pretraining)
-  double lambda_distortion = 0;        // of the distortion loss of mip-NeRF 360, in normalised ray distance
-  bool random_background = false;      // composite on random colours after 200 steps
-  int64_t log_every = 50;              // steps
-  int64_t evaluate_every = 2000;       // steps between held-out measurements; 0: none
-  int64_t checkpoint_every = 5000;     // steps
+  double lambda_ambient = 0;        // of the squared ambient coordinates at surface points (pretraining)
+  double lambda_distortion = 0;     // of the distortion loss of mip-NeRF 360, in normalised ray distance
+  bool random_background = false;   // composite on random colours after 200 steps
+  int64_t log_every = 50;           // steps
+  int64_t evaluate_every = 2000;    // steps between held-out measurements; 0: none
+  int64_t checkpoint_every = 5000;  // steps
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -95,18 +97,18 @@ struct StageConfig {
 
 // Key point detection and propagation (section 3.3 of the paper).
 struct DetectionConfig {
-  int64_t count = 0;                    // number of key points; 0: as many as are found
+  int64_t count = 0;  // number of key points; 0: as many as are found
   int64_t max_count = 8;
-  int64_t volume_resolution = 96;       // voxels along the longest side
-  int64_t min_observations = 6;         // frames that must have seen a voxel
-  double smoothing = 2.0;               // standard deviation of the Gaussian, voxels
-  double min_distance = 0.08;           // between maxima, of the volume's longest side
-  double relative_threshold = 0.3;      // of the strongest maximum
-  double reference_delta = 0.02;        // depth difference in the reference frame, of the point's distance
-  int64_t skip_interval = 50;           // frames between attempts of skipping propagation; 0: never
-  double skip_max_error = 5.0;          // forward-backward distance in pixels at 320 wide
-  double merge_distance = 0.15;         // tracks nearer than this (of their motion range) are one part
-  bool refine = true;                   // robust least squares over every track
+  int64_t volume_resolution = 96;   // voxels along the longest side
+  int64_t min_observations = 6;     // frames that must have seen a voxel
+  double smoothing = 2.0;           // standard deviation of the Gaussian, voxels
+  double min_distance = 0.08;       // between maxima, of the volume's longest side
+  double relative_threshold = 0.3;  // of the strongest maximum
+  double reference_delta = 0.02;    // depth difference in the reference frame, of the point's distance
+  int64_t skip_interval = 50;       // frames between attempts of skipping propagation; 0: never
+  double skip_max_error = 5.0;      // forward-backward distance in pixels at 320 wide
+  double merge_distance = 0.15;     // tracks nearer than this (of their motion range) are one part
+  bool refine = true;               // robust least squares over every track
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -115,8 +117,10 @@ struct DetectionConfig {
     v("volume_resolution", volume_resolution, "voxels along the longest side of the canonical volume", Between(8, 512));
     v("min_observations", min_observations, "frames that must have seen a voxel", AtLeast(2));
     v("smoothing", smoothing, "standard deviation of the 3-D Gaussian, in voxels", AtLeast(0));
-    v("min_distance", min_distance, "least distance of two maxima, as a share of the volume's longest side", Between(0, 1));
-    v("relative_threshold", relative_threshold, "least height of a maximum, as a share of the strongest", Between(0, 1));
+    v("min_distance", min_distance, "least distance of two maxima, as a share of the volume's longest side",
+      Between(0, 1));
+    v("relative_threshold", relative_threshold, "least height of a maximum, as a share of the strongest",
+      Between(0, 1));
     v("reference_delta", reference_delta, "depth difference allowed in the reference frame, relative", Positive());
     v("skip_interval", skip_interval, "frames between attempts of skipping propagation; 0 for never", AtLeast(0));
     v("skip_max_error", skip_max_error, "forward-backward distance allowed for it, in pixels at 320 wide", Positive());

@@ -12,13 +12,14 @@ namespace editnerf {
 // SE(3) warp field x' = T(x, beta_t), eq. (1).
 struct WarpFieldConfig {
   bool enabled = true;
-  int64_t num_octaves = 7;           // of the positional encoding: degrees 0 .. num_octaves-1, plus identity
-  int64_t window_steps = 80000;      // the coarse-to-fine window opens linearly over this many steps; 0: open from the start
-  int64_t depth = 6;                 // hidden layers
-  int64_t width = 128;               // neurons per hidden layer
-  int64_t skip_layer = 4;            // the input is concatenated again before this layer; 0: never
-  int64_t code_dim = 8;              // dimensions of beta_t
-  double head_init = 1e-4;           // both heads start as U(0, head_init)
+  int64_t num_octaves = 7;  // of the positional encoding: degrees 0 .. num_octaves-1, plus identity
+  int64_t window_steps =
+      80000;                // the coarse-to-fine window opens linearly over this many steps; 0: open from the start
+  int64_t depth = 6;        // hidden layers
+  int64_t width = 128;      // neurons per hidden layer
+  int64_t skip_layer = 4;   // the input is concatenated again before this layer; 0: never
+  int64_t code_dim = 8;     // dimensions of beta_t
+  double head_init = 1e-4;  // both heads start as U(0, head_init)
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -71,14 +72,14 @@ struct SlicingNetworkConfig {
 
 // Hyperspace NeRF (c, sigma) = H(x' (+) ambient, d, alpha_t), eq. (4), as networks of the paper's size.
 struct HyperspaceNerfConfig {
-  int64_t num_octaves = 9;           // of x', plus identity
-  int64_t ambient_octaves = 1;       // of the ambient coordinates, without identity
+  int64_t num_octaves = 9;               // of x', plus identity
+  int64_t ambient_octaves = 1;           // of the ambient coordinates, without identity
   int64_t ambient_window_delay = 1000;   // steps during which the ambient window stays closed
   int64_t ambient_window_steps = 10000;  // steps over which it then opens
   int64_t depth = 8;
   int64_t width = 256;
   int64_t skip_layer = 4;
-  int64_t color_width = 128;         // the one colour layer
+  int64_t color_width = 128;  // the one colour layer
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -98,7 +99,7 @@ struct HashEncodingConfig {
   int64_t num_levels = 16;
   int64_t features_per_level = 2;
   int64_t log2_table_size = 15;
-  double base_resolution = 16;    // cells along the longest side of the box, coarsest level
+  double base_resolution = 16;  // cells along the longest side of the box, coarsest level
   double finest_resolution = 512;
 
   template <class Visitor>
@@ -111,27 +112,33 @@ struct HashEncodingConfig {
   }
 };
 
-// The fast field: the same hyperspace, spanned by (x', x' - p): one hash encoding for what stays, one for what moves with
-// the key point, and small networks for density and colour.
+// The fast field: the same hyperspace, spanned by (x', x' - p): one hash encoding for what stays, one for what moves
+// with the key point, and small networks for density and colour.
 struct FastFieldConfig {
   HashEncodingConfig canonical_hash;  // over x'
   HashEncodingConfig local_hash;      // over x' - p
   double local_extent = 0.5;          // side of the cube around p that local_hash covers, of the scene's longest side
   int64_t ambient_octaves = 2;        // of the ambient coordinates fed to the density network, beside the identity
+  int64_t ambient_window_delay = 0;   // steps of pretraining during which the scene is taken as static
+  int64_t ambient_window_steps = 0;   // steps over which the ambient coordinates then come in
   int64_t density_depth = 1;          // hidden layers
   int64_t color_depth = 2;
   int64_t width = 64;
-  int64_t geometry_features = 15;     // passed from the density to the colour network
-  double density_bias = 0.0;          // added to the pre-activation
+  int64_t geometry_features = 15;  // passed from the density to the colour network
+  double density_bias = 0.0;       // added to the pre-activation
 
   template <class Visitor>
   void Visit(Visitor& v) {
     v("canonical_hash", canonical_hash, "hash encoding over x'");
     v("local_hash", local_hash, "hash encoding over x' - p; pretraining does not build it");
-    v("local_extent", local_extent, "side of the cube around p that local_hash covers, as a share of the scene's longest side",
-      Between(0.01, 2));
-    v("ambient_octaves", ambient_octaves, "octaves of the ambient coordinates fed to the density network, beside the identity",
-      Between(0, 10));
+    v("local_extent", local_extent,
+      "side of the cube around p that local_hash covers, as a share of the scene's longest side", Between(0.01, 2));
+    v("ambient_octaves", ambient_octaves,
+      "octaves of the ambient coordinates fed to the density network, beside the identity", Between(0, 10));
+    v("ambient_window_delay", ambient_window_delay, "steps of pretraining during which the scene is taken as static",
+      AtLeast(0));
+    v("ambient_window_steps", ambient_window_steps, "steps over which the ambient coordinates then come in",
+      AtLeast(0));
     v("density_depth", density_depth, "hidden layers of the density network", Between(1, 8));
     v("color_depth", color_depth, "hidden layers of the colour network", Between(1, 8));
     v("width", width, "neurons per hidden layer", Between(8, 1024));
@@ -143,11 +150,11 @@ struct FastFieldConfig {
 struct FieldConfig {
   std::string kind = "paper";
   WarpFieldConfig warp;
-  bool use_appearance = true;      // alpha_t in the colour branch
+  bool use_appearance = true;  // alpha_t in the colour branch
   int64_t appearance_dim = 4;
   bool use_view_direction = true;  // d in the colour branch
   int64_t direction_octaves = 5;
-  double code_init = 0.05;         // codes start as U(0, code_init)
+  double code_init = 0.05;  // codes start as U(0, code_init)
   SlicingNetworkConfig slicing;
   WeightNetworkConfig weights;
   HyperspaceNerfConfig nerf;

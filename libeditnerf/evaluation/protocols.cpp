@@ -12,7 +12,8 @@ namespace {
 
 const GroundTruth& Truth(const Scene& scene) {
   if (!scene.truth) {
-    Throw<DataError>("{}: no ground truth (gt/), which the editing protocol needs; only synthetic scenes have it", scene.name);
+    Throw<DataError>("{}: no ground truth (gt/), which the editing protocol needs; only synthetic scenes have it",
+                     scene.name);
   }
   return *scene.truth;
 }
@@ -32,7 +33,8 @@ int64_t ObjectAt(const Scene& scene, int64_t frame, const Vec3& position) {
   if (!pixel.valid) return kStaticObject;
   const double u = std::floor(pixel.u), v = std::floor(pixel.v);
   // Written so that a NaN is outside.
-  const bool inside = u >= 0 && v >= 0 && u < static_cast<double>(scene.width()) && v < static_cast<double>(scene.height());
+  const bool inside =
+      u >= 0 && v >= 0 && u < static_cast<double>(scene.width()) && v < static_cast<double>(scene.height());
   if (!inside) return kStaticObject;
   const auto object = truth.mask[frame][static_cast<int64_t>(v)][static_cast<int64_t>(u)].item<int64_t>() - 1;
   if (object >= static_cast<int64_t>(truth.objects.size())) {
@@ -61,7 +63,8 @@ torch::Tensor TrueKeyPoints(const Scene& scene, const std::vector<ReferenceKeyPo
   auto positions = torch::empty({static_cast<int64_t>(key_points.size()), 3}, torch::kFloat64);
   for (size_t i = 0; i < key_points.size(); ++i) {
     const ReferenceKeyPoint& key_point = key_points[i];
-    auto position = torch::tensor({key_point.position.x, key_point.position.y, key_point.position.z, 1.0}, torch::kFloat64);
+    auto position =
+        torch::tensor({key_point.position.x, key_point.position.y, key_point.position.z, 1.0}, torch::kFloat64);
     if (key_point.object != kStaticObject) {
       CheckFrame(scene, key_point.frame);
       const auto& motion = Truth(scene).scene_from_object;
@@ -79,7 +82,8 @@ torch::Tensor TrueKeyPoints(const Scene& scene, const std::vector<ReferenceKeyPo
 NearestFrame NearestTrainingFrame(const torch::Tensor& tracks, const torch::Tensor& key_points) {
   CheckShape(tracks, {kAny, kAny, 3}, "key point tracks");
   CheckShape(key_points, {tracks.size(1), 3}, "key points");
-  if (tracks.numel() == 0) Throw<ShapeError>("key point tracks: expected a frame and a key point, found {}", ShapeString(tracks));
+  if (tracks.numel() == 0)
+    Throw<ShapeError>("key point tracks: expected a frame and a key point, found {}", ShapeString(tracks));
   torch::NoGradGuard no_grad;
   const auto offsets = tracks.to(torch::kCPU, torch::kFloat64) - key_points.to(torch::kCPU, torch::kFloat64);
   const auto distances = offsets.square().sum(2).mean(1).sqrt().contiguous();

@@ -22,13 +22,13 @@ constexpr int64_t kStaticObject = -1;
 
 // A detected key point in the frame in which it was found.
 struct ReferenceKeyPoint {
-  Vec3 position;            // in that frame
+  Vec3 position;  // in that frame
   int64_t frame = 0;
   int64_t object = kStaticObject;  // of GroundTruth::objects, see ObjectAt
 };
 
-// The moving object seen at the key point's pixel (its projection rounded down) by the ground-truth mask; kStaticObject on
-// the static scene, outside the image and behind the camera. Throws DataError when the scene has no ground truth.
+// The moving object seen at the key point's pixel (its projection rounded down) by the ground-truth mask; kStaticObject
+// on the static scene, outside the image and behind the camera. Throws DataError when the scene has no ground truth.
 int64_t ObjectAt(const Scene& scene, int64_t frame, const Vec3& position);
 
 // The key points with their objects: positions [N, 3], reference frames N.

@@ -57,6 +57,12 @@ FastHyperspace::FastHyperspace(const FastHyperspaceOptions& options) : options_(
   color_network_ = register_module("color_network", Mlp(color));
 }
 
+void FastHyperspace::SetStep(int64_t step) {
+  if (options_.anchored) return;
+  // What stands still is learnt first; otherwise every frame grows a world of its own, and the space stays foggy.
+  ambient_window_ = WindowAlpha(step, options_.config.ambient_window_delay, options_.config.ambient_window_steps, 1);
+}
+
 torch::Tensor FastHyperspace::DensityFeatures(const HyperspaceInput& input) {
   CheckShape(input.x_canonical, {kAny, 3}, "fast field x_canonical");
   const double side = options_.box.LongestSide();
@@ -64,13 +70,14 @@ torch::Tensor FastHyperspace::DensityFeatures(const HyperspaceInput& input) {
       HashEncode((input.x_canonical - box_low_) / side, canonical_table_, canonical_resolutions_)};
   if (options_.anchored) {
     CheckShape(input.anchor, {input.x_canonical.size(0), 3}, "fast field anchor");
-    const torch::Tensor local = (input.x_canonical - input.anchor) / (side * options_.config.local_extent);  // in [-0.5, 0.5]
+    const torch::Tensor local =
+        (input.x_canonical - input.anchor) / (side * options_.config.local_extent);  // in [-0.5, 0.5]
     const torch::Tensor margin = 1 - 2 * std::get<0>(local.detach().abs().max(1, true));
     features.push_back(HashEncode(local + 0.5, local_table_, local_resolutions_) * (margin / kFade).clamp(0, 1));
   }
   if (ambient_encoding_) {
     CheckShape(input.ambient, {input.x_canonical.size(0), options_.ambient_dim}, "fast field ambient");
-    features.push_back(ambient_encoding_->forward(input.ambient));
+    features.push_back(ambient_encoding_->forward(input.ambient) * ambient_window_);
   }
   return density_network_->forward(torch::cat(features, 1));
 }

@@ -22,11 +22,11 @@ namespace editnerf {
 
 struct FastHyperspaceOptions {
   FastFieldConfig config;
-  Box box;                         // of the scene, scene units
-  int64_t ambient_dim = 0;         // 0: a static scene
-  bool anchored = false;           // whether HyperspaceInput::anchor is given
+  Box box;                  // of the scene, scene units
+  int64_t ambient_dim = 0;  // 0: a static scene
+  bool anchored = false;    // whether HyperspaceInput::anchor is given
   bool use_direction = true;
-  int64_t appearance_dim = 0;      // 0: the colour does not depend on the frame
+  int64_t appearance_dim = 0;  // 0: the colour does not depend on the frame
 };
 
 class FastHyperspace : public HyperspaceNetwork {
@@ -35,13 +35,14 @@ class FastHyperspace : public HyperspaceNetwork {
 
   HyperspaceOutput Evaluate(const HyperspaceInput& input) override;
   torch::Tensor Density(const HyperspaceInput& input) override;
-  void SetStep(int64_t) override {}  // no windows
+  void SetStep(int64_t step) override;
 
  private:
   torch::Tensor DensityFeatures(const HyperspaceInput& input);  // [S, 1 + geometry_features]
 
   FastHyperspaceOptions options_;
   std::optional<PositionalEncoding> ambient_encoding_;
+  double ambient_window_ = 1;  // of pretraining
   std::vector<int64_t> canonical_resolutions_, local_resolutions_;
   torch::Tensor canonical_table_, local_table_;  // [L, T, F]
   torch::Tensor box_low_;                        // [3] buffer

@@ -20,10 +20,10 @@ namespace editnerf {
 struct HyperspaceFieldOptions {
   FieldConfig config;
   FieldStage stage = FieldStage::kTrain;
-  int64_t num_frames = 0;       // T training frames
-  Box box;                      // of the scene, scene units
-  int64_t num_key_points = 0;     // N, training only; 0: a static scene
-  torch::Tensor initial_tracks;   // [T, N, 3], scene units; undefined: to be loaded from a checkpoint
+  int64_t num_frames = 0;        // T training frames
+  Box box;                       // of the scene, scene units
+  int64_t num_key_points = 0;    // N, training only; 0: a static scene
+  torch::Tensor initial_tracks;  // [T, N, 3], scene units; undefined: to be loaded from a checkpoint
 };
 
 class HyperspaceField : public RadianceField {

@@ -82,7 +82,8 @@ void Camera::Check(const char* where) const {
   for (const double value : principal_point) finite(value, "principal_point");
   for (const double value : radial_distortion) finite(value, "radial_distortion");
   for (const double value : tangential_distortion) finite(value, "tangential_distortion");
-  if (!(focal_length > 0)) Throw<DataError>("{}: focal_length: expected a positive number, found {}", where, focal_length);
+  if (!(focal_length > 0))
+    Throw<DataError>("{}: focal_length: expected a positive number, found {}", where, focal_length);
   if (!(pixel_aspect_ratio > 0)) {
     Throw<DataError>("{}: pixel_aspect_ratio: expected a positive number, found {}", where, pixel_aspect_ratio);
   }
@@ -94,8 +95,8 @@ void Camera::Check(const char* where) const {
   for (int i = 0; i < 9; ++i) deviation = std::max(deviation, std::abs(product.m[i] - (i % 4 == 0 ? 1.0 : 0.0)));
   const double determinant = Dot(orientation.Row(0), Cross(orientation.Row(1), orientation.Row(2)));
   if (deviation > 1e-3 || determinant < 0) {
-    Throw<DataError>("{}: orientation: expected a rotation matrix; it is off by {:.2g} and its determinant is {:.3g}", where,
-                     deviation, determinant);
+    Throw<DataError>("{}: orientation: expected a rotation matrix; it is off by {:.2g} and its determinant is {:.3g}",
+                     where, deviation, determinant);
   }
 }
 

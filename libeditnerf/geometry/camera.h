@@ -12,23 +12,23 @@
 namespace editnerf {
 
 struct Camera {
-  Mat3 orientation;                 // camera_from_world rotation, orthonormal
-  Vec3 position;                    // of the camera centre
-  double focal_length = 1;          // pixels along x
+  Mat3 orientation;                                // camera_from_world rotation, orthonormal
+  Vec3 position;                                   // of the camera centre
+  double focal_length = 1;                         // pixels along x
   std::array<double, 2> principal_point = {0, 0};  // pixels
   double skew = 0;
-  double pixel_aspect_ratio = 1;    // focal length along y over focal length along x
+  double pixel_aspect_ratio = 1;  // focal length along y over focal length along x
   std::array<double, 3> radial_distortion = {0, 0, 0};
   std::array<double, 2> tangential_distortion = {0, 0};
-  int64_t width = 0, height = 0;    // pixels
+  int64_t width = 0, height = 0;  // pixels
 
   bool HasDistortion() const;
 
   // The camera of the image downsampled by `factor` (to width x height pixels, each side rounded by the caller).
   Camera Resized(int64_t new_width, int64_t new_height) const;
 
-  // Throws DataError naming `where` and the offending field unless every number is finite, the focal length and the size
-  // are positive and the orientation is a rotation to 1e-3.
+  // Throws DataError naming `where` and the offending field unless every number is finite, the focal length and the
+  // size are positive and the orientation is a rotation to 1e-3.
   void Check(const char* where) const;
 
   // Unit direction, in the owner's frame, of the ray through pixel position (u, v); distortion is inverted by Newton's
@@ -44,10 +44,12 @@ struct Projected {
 };
 Projected Project(const Camera& camera, const Vec3& point);
 
-// The same for any scalar type (double, ceres::Jet). Returns false at or behind the camera plane and leaves `pixel` alone.
+// The same for any scalar type (double, ceres::Jet). Returns false at or behind the camera plane and leaves `pixel`
+// alone.
 template <class T>
 bool ProjectPoint(const Camera& camera, const T point[3], T pixel[2]) {
-  const T dx = point[0] - T(camera.position.x), dy = point[1] - T(camera.position.y), dz = point[2] - T(camera.position.z);
+  const T dx = point[0] - T(camera.position.x), dy = point[1] - T(camera.position.y),
+          dz = point[2] - T(camera.position.z);
   const Mat3& r = camera.orientation;
   const T cx = T(r(0, 0)) * dx + T(r(0, 1)) * dy + T(r(0, 2)) * dz;
   const T cy = T(r(1, 0)) * dx + T(r(1, 1)) * dy + T(r(1, 2)) * dz;

@@ -16,8 +16,8 @@ namespace {
 
 using hash_index::Level;
 
-// Samples that one level is applied to before the next: their coordinates and outputs stay in the first-level cache, and
-// a level's table in the second.
+// Samples that one level is applied to before the next: their coordinates and outputs stay in the first-level cache,
+// and a level's table in the second.
 constexpr int64_t kTile = 512;
 constexpr int64_t kMaxFeatures = 8;
 
@@ -153,11 +153,16 @@ void BackwardPosition(const T* x, const T* table, const T* grad_out, const std::
 template <class Body>
 void DispatchFeatures(int64_t features, const Body& body) {
   switch (features) {
-    case 1: return body(std::integral_constant<int64_t, 1>{});
-    case 2: return body(std::integral_constant<int64_t, 2>{});
-    case 4: return body(std::integral_constant<int64_t, 4>{});
-    case 8: return body(std::integral_constant<int64_t, 8>{});
-    default: Throw<ShapeError>("hash encoding: expected 1, 2, 4 or 8 features per level, found {}", features);
+    case 1:
+      return body(std::integral_constant<int64_t, 1>{});
+    case 2:
+      return body(std::integral_constant<int64_t, 2>{});
+    case 4:
+      return body(std::integral_constant<int64_t, 4>{});
+    case 8:
+      return body(std::integral_constant<int64_t, 8>{});
+    default:
+      Throw<ShapeError>("hash encoding: expected 1, 2, 4 or 8 features per level, found {}", features);
   }
 }
 
@@ -171,8 +176,9 @@ class HashEncodeFunction : public torch::autograd::Function<HashEncodeFunction> 
     at::Tensor out = at::empty({points.size(0), table.size(0) * table.size(2)}, points.options());
     AT_DISPATCH_FLOATING_TYPES(points.scalar_type(), "HashEncode", [&] {
       DispatchFeatures(entries.size(2), [&](auto features) {
-        Forward<scalar_t, decltype(features)::value>(points.data_ptr<scalar_t>(), entries.data_ptr<scalar_t>(), resolutions,
-                                                     points.size(0), entries.size(1), out.data_ptr<scalar_t>());
+        Forward<scalar_t, decltype(features)::value>(points.data_ptr<scalar_t>(), entries.data_ptr<scalar_t>(),
+                                                     resolutions, points.size(0), entries.size(1),
+                                                     out.data_ptr<scalar_t>());
       });
     });
     return out;

@@ -14,8 +14,8 @@ namespace editnerf {
 
 // x [S, 3] in [0, 1], clamped from outside (a NaN counts as 0, and clamped coordinates have zero gradient);
 // table [L, T, F] with T a power of two; resolutions: L cells per axis, each >= 1. Returns [S, L * F], level-major.
-// Differentiable once in x and table. float32 and float64; on the CPU a threaded loop whose result does not depend on the
-// number of threads, elsewhere HashEncodeReference. Throws ShapeError for other shapes or types.
+// Differentiable once in x and table. float32 and float64; on the CPU a threaded loop whose result does not depend on
+// the number of threads, elsewhere HashEncodeReference. Throws ShapeError for other shapes or types.
 at::Tensor HashEncode(const at::Tensor& x, const at::Tensor& table, const std::vector<int64_t>& resolutions);
 
 // The same in plain LibTorch operations: what the loops are tested against, and what runs on other devices.

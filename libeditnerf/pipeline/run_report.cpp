@@ -26,11 +26,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-
 constexpr int64_t kFramesPerProtocol = 12;  // the report measures a sample; enf-eval measures all
 constexpr int64_t kDemoSweepFrames = 36;
 
-nlohmann::ordered_json ReadIfThere(const fs::path& path) { return fs::exists(path) ? nlohmann::ordered_json(ReadJson(path)) : nlohmann::ordered_json::object(); }
+nlohmann::ordered_json ReadIfThere(const fs::path& path) {
+  return fs::exists(path) ? nlohmann::ordered_json(ReadJson(path)) : nlohmann::ordered_json::object();
+}
 
 ChartSeries HeldOutSeries(const std::string& name, const fs::path& csv) {
   ChartSeries series{name, {}, false};
@@ -115,15 +116,16 @@ void AddScores(const nlohmann::ordered_json& scores, ReportContents* report) {
            {"editing_nearest", "editing, baseline: the nearest training frame's image"},
            {"reconstruction_nearest", "reconstruction, baseline: the image of that state"}}) {
     if (!scores.contains(protocol + ".psnr")) continue;
-    table.rows.push_back({title, Number(scores, protocol + ".frames", "{:.0f}"), Number(scores, protocol + ".psnr", "{:.2f}"),
-                          Number(scores, protocol + ".psnr_moving", "{:.2f}"), Number(scores, protocol + ".ssim", "{:.4f}"),
-                          Number(scores, protocol + ".ms_ssim", "{:.4f}")});
+    table.rows.push_back(
+        {title, Number(scores, protocol + ".frames", "{:.0f}"), Number(scores, protocol + ".psnr", "{:.2f}"),
+         Number(scores, protocol + ".psnr_moving", "{:.2f}"), Number(scores, protocol + ".ssim", "{:.4f}"),
+         Number(scores, protocol + ".ms_ssim", "{:.4f}")});
   }
   if (!table.rows.empty()) report->tables.push_back(table);
-  for (const auto& [key, title] : std::vector<std::pair<std::string, std::string>>{
-           {"reconstruction.psnr", "PSNR, new views"},
-           {"interpolation.psnr", "PSNR, held-out times"},
-           {"editing.psnr", "PSNR, unseen edits"}}) {
+  for (const auto& [key, title] :
+       std::vector<std::pair<std::string, std::string>>{{"reconstruction.psnr", "PSNR, new views"},
+                                                        {"interpolation.psnr", "PSNR, held-out times"},
+                                                        {"editing.psnr", "PSNR, unseen edits"}}) {
     if (scores.contains(key)) report->facts.emplace_back(title, Number(scores, key, "{:.2f} dB"));
   }
 }
@@ -156,7 +158,8 @@ std::string Machine() {
   for (std::string line; model.empty() && std::getline(info, line);) {
     if (line.rfind("model name", 0) == 0) model = line.substr(line.find(':') + 2);
   }
-  return fmt::format("{}{}, {} threads", model, uname(&name) == 0 ? fmt::format(", {}", name.machine) : "", NumThreads());
+  return fmt::format("{}{}, {} threads", model, uname(&name) == 0 ? fmt::format(", {}", name.machine) : "",
+                     NumThreads());
 }
 
 }  // namespace
@@ -186,8 +189,8 @@ void WriteRunReport(const fs::path& work, const Scene& scene, torch::Device devi
 
   ReportContents report;
   report.title = "Editable scene: " + scene.name;
-  report.subtitle = fmt::format("{} training frames, {} x {} pixels, {}", scene.train.size(), scene.width(), scene.height(),
-                                Machine());
+  report.subtitle = fmt::format("{} training frames, {} x {} pixels, {}", scene.train.size(), scene.width(),
+                                scene.height(), Machine());
   report.facts.emplace_back("key points", std::to_string(run.field->num_key_points()));
   AddScores(scores, &report);
   AddStages(work, &report);
@@ -196,7 +199,8 @@ void WriteRunReport(const fs::path& work, const Scene& scene, torch::Device devi
   report.videos.push_back({"An edit that nobody filmed: each key point swept through its range", "", "edited.mp4"});
   AddPicture(out / "strip.png", "Photograph, picture, depth, and which key point governs what", true, &report);
   AddPicture(work / "scene" / "data" / "tracks.png", "Key points and their tracks", true, &report);
-  AddPicture(work / "scene" / "data" / "variance.png", "Where the ambient coordinates vary: three projections", true, &report);
+  AddPicture(work / "scene" / "data" / "variance.png", "Where the ambient coordinates vary: three projections", true,
+             &report);
   AddCharts(work, &report);
   WriteFileAtomically(out / "index.html", ToHtml(report));
 }

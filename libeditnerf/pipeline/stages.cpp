@@ -62,7 +62,9 @@ Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage
 torch::Tensor Enlarge(const torch::Tensor& map, int64_t height, int64_t width) {
   const auto index = [](int64_t from, int64_t to) {
     return ((torch::arange(to, torch::kFloat64) + 0.5) * static_cast<double>(from) / static_cast<double>(to))
-        .floor().to(torch::kInt64).clamp_max(from - 1);
+        .floor()
+        .to(torch::kInt64)
+        .clamp_max(from - 1);
   };
   return map.index_select(0, index(map.size(0), height)).index_select(1, index(map.size(1), width));
 }
@@ -91,8 +93,9 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
     const FrameStates states = run.field->States(torch::tensor({t}, torch::kInt64).to(run.device));
     ImageOptions options;
     options.tensor = torch::TensorOptions(torch::kFloat32).device(run.device);
-    const RenderedImage image = RenderImage(
-        *run.field, *run.renderer, factor < 1 ? camera.Resized(reduced(width), reduced(height)) : camera, states, options);
+    const RenderedImage image =
+        RenderImage(*run.field, *run.renderer, factor < 1 ? camera.Resized(reduced(width), reduced(height)) : camera,
+                    states, options);
     const auto full = [&](const torch::Tensor& map) { return Enlarge(map.to(torch::kCPU), height, width); };
     depth.push_back(full(image.depth));
     ambient.push_back(full(image.ambient));
@@ -125,7 +128,7 @@ DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const fs::path& fold
   }
   KeyPointSupervision supervision;
   supervision.depth = ReadMedianDepths(folder, ids);
-  supervision.flow = ReadFlows(folder, std::vector<std::string>(ids.begin(), ids.end() - 1));
+  supervision.flow = ReadFlows(folder, ids);
   for (const torch::Tensor& map : {supervision.depth, supervision.flow}) {
     if (map.size(1) != scene.height() || map.size(2) != scene.width()) {
       Throw<DataError>("{}: depth and flow have {} x {} pixels, the images {} x {}; detect again at this image size",

@@ -19,7 +19,7 @@ struct StageRequest {
   std::filesystem::path out;  // run folder
   Config config;
   torch::Device device = torch::kCPU;
-  bool resume = false;        // continue from a checkpoint in `out`, where there is one
+  bool resume = false;  // continue from a checkpoint in `out`, where there is one
 };
 
 // A scene folder, or a packed scene (*.safetensors). Throws DataError.
@@ -34,7 +34,7 @@ void RunTraining(const Scene& scene, const StageRequest& request, const std::fil
 
 // Depth, ambient coordinates and canonical positions at the surface of every training view. At most
 // `max_pixels` are rendered in all: larger sequences at a fraction of their size, enlarged to the nearest pixel.
-PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels = 3'000'000);
+PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels = 600'000);
 
 // What detection wrote: tracks [T, N, 3] in scene units (N = 0 where there are none) and the key points' supervision.
 struct DetectedKeyPoints {

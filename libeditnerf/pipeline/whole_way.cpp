@@ -77,9 +77,10 @@ void CheckConfig(const WholeWayRequest& request) {
     before.pretrain.steps = comparable.pretrain.steps;
     before.train.steps = comparable.train.steps;
     if (ToYaml(before) != ToYaml(comparable)) {
-      Throw<ConfigError>("{}: this folder was begun with another configuration (config.yaml in it); give another --out, "
-                         "or remove it",
-                         request.work.string());
+      Throw<ConfigError>(
+          "{}: this folder was begun with another configuration (config.yaml in it); give another --out, "
+          "or remove it",
+          request.work.string());
     }
   }
   WriteFileAtomically(path, ToYaml(request.config));

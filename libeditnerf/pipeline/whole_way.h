@@ -22,10 +22,10 @@ struct WholeWayRequest {
   std::filesystem::path work;
   Config config;
   torch::Device device = torch::kCPU;
-  double time_budget = 0;     // seconds for everything that is still to do; 0: what the configuration says
-  int64_t max_frames = 200;   // of a video
+  double time_budget = 0;    // seconds for everything that is still to do; 0: what the configuration says
+  int64_t max_frames = 200;  // of a video
   int64_t seed = 1, threads = 0;
-  std::string command;        // for the report
+  std::string command;  // for the report
 };
 
 // Throws ConfigError where WORK was begun with another configuration, Interrupted after Ctrl-C (repeat the call to go

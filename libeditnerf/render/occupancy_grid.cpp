@@ -10,8 +10,7 @@
 
 namespace editnerf {
 
-Box BoxAroundRays(const torch::Tensor& origin, const torch::Tensor& direction, double near, double far,
-                           double margin) {
+Box BoxAroundRays(const torch::Tensor& origin, const torch::Tensor& direction, double near, double far, double margin) {
   CheckShape(origin, {kAny, 3}, "origin");
   CheckShape(direction, {origin.size(0), 3}, "direction");
   torch::NoGradGuard no_grad;

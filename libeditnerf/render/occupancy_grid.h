@@ -21,14 +21,14 @@ namespace editnerf {
 
 // The box of everything between `near` and `far` along rays (origin, direction [R, 3]), grown by `margin` of its sides.
 Box BoxAroundRays(const torch::Tensor& origin, const torch::Tensor& direction, double near, double far,
-                           double margin = 0.01);
+                  double margin = 0.01);
 
 struct OccupancyOptions {
   int64_t resolution = 64;  // cells along each side
   double threshold = 0.01;  // opacity over one step
   double step = 0.01;       // scene units
   double decay = 0.95;      // of the remembered density, at each visit of a cell
-  int64_t warm_up = 16;     // updates that visit every cell; later ones visit a quarter as many
+  int64_t warm_up = 4;      // updates that visit every cell; later ones visit a quarter as many
   bool dilate = true;
 };
 

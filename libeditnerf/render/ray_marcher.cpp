@@ -37,8 +37,8 @@ torch::Tensor MarchCandidates(const torch::Tensor& near, const torch::Tensor& fa
   CheckShape(within, {near.size(0)}, "within");
   torch::NoGradGuard no_grad;
   const auto options = near.options().requires_grad(false);
-  return near.unsqueeze(1) +
-         (torch::arange(steps, options) + within.unsqueeze(1)) * ((far - near) / static_cast<double>(steps)).unsqueeze(1);
+  return near.unsqueeze(1) + (torch::arange(steps, options) + within.unsqueeze(1)) *
+                                 ((far - near) / static_cast<double>(steps)).unsqueeze(1);
 }
 
 PackedSamples PackSamples(const torch::Tensor& t, const torch::Tensor& delta, const torch::Tensor& keep) {

@@ -28,8 +28,8 @@ PackedSamples PackSamples(const torch::Tensor& t, const torch::Tensor& delta, co
 // Those among packed samples where keep [S]; the same exception.
 PackedSamples SelectSamples(const PackedSamples& samples, const torch::Tensor& keep);
 
-// The samples that light still reaches (ReachedSamples), asking for densities in waves of a few samples per ray, so that
-// little behind the first opaque surface is evaluated. density(samples) -> [S]. No gradients.
+// The samples that light still reaches (ReachedSamples), asking for densities in waves of a few samples per ray, so
+// that little behind the first opaque surface is evaluated. density(samples) -> [S]. No gradients.
 PackedSamples MarchUntilOpaque(const PackedSamples& samples, double early_stop,
                                const std::function<torch::Tensor(const PackedSamples&)>& density);
 

@@ -189,7 +189,8 @@ RayResult RayRenderer::RenderMarching(RadianceField& field, const RayBatch& rays
     samples = PackSamples(t, torch::full_like(t, step), OccupiedAlong(rays, t, states));
     if (config_.early_stop > 0) {
       samples = MarchUntilOpaque(samples, config_.early_stop, [&](const PackedSamples& wave) {
-        return EvaluateField(field, InputAt(rays, wave.ray, wave.t), states, Level::kFine, /*with_color=*/false).density;
+        return EvaluateField(field, InputAt(rays, wave.ray, wave.t), states, Level::kFine, /*with_color=*/false)
+            .density;
       });
     }
   }

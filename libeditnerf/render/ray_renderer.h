@@ -32,9 +32,9 @@ struct RayOptions {
   torch::Tensor background;  // [3] or [R, 3]; undefined: see above
   bool surface = true;       // fill RayResult's surface outputs
   // Marching alone:
-  torch::Tensor jitter;      // [R] in [0, 1], where in their intervals samples lie; undefined: random where training,
-                             // otherwise the middle
-  int64_t march_steps = 0;   // 0: as configured
+  torch::Tensor jitter;     // [R] in [0, 1], where in their intervals samples lie; undefined: random where training,
+                            // otherwise the middle
+  int64_t march_steps = 0;  // 0: as configured
 };
 
 struct RayResult {

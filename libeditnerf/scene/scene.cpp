@@ -16,8 +16,8 @@ int64_t Scene::FrameIndex(const std::string& id) const {
 void Scene::Check() const {
   const auto count = static_cast<int64_t>(frames.size());
   if (train.size() < 2) {
-    Throw<DataError>("{}: expected at least two training frames, found {}; one view alone does not determine a scene", name,
-                     train.size());
+    Throw<DataError>("{}: expected at least two training frames, found {}; one view alone does not determine a scene",
+                     name, train.size());
   }
   if (!(transform.near > 0 && transform.near < transform.far) || !std::isfinite(transform.far)) {
     Throw<DataError>("{}: scene.json: expected 0 < near < far, found near {} and far {}", name, transform.near,

@@ -16,23 +16,23 @@ namespace editnerf {
 // scene.json.
 struct SceneTransform {
   double scale = 1;
-  Vec3 center;     // world
+  Vec3 center;                 // world
   double near = 0.1, far = 2;  // scene units
 };
 
 struct SceneFrame {
   std::string id;
-  int64_t warp_id = -1;        // the object state's number in time order; -1 for edit frames, which have none
+  int64_t warp_id = -1;  // the object state's number in time order; -1 for edit frames, which have none
   int64_t appearance_id = -1;
-  Camera camera;               // scene units, at the size of `images`
+  Camera camera;  // scene units, at the size of `images`
 };
 
 // Exact truth of a synthetic scene, one row per frame of the scene.
 struct GroundTruth {
   std::vector<std::string> objects;  // O names
   torch::Tensor scene_from_object;   // [F, O, 4, 4] float64, scene units
-  torch::Tensor depth;               // [F, H, W] float32, distance from the camera centre, scene units; inf: nothing hit
-  torch::Tensor mask;                // [F, H, W] uint8, 0 static, k + 1 the k-th object
+  torch::Tensor depth;  // [F, H, W] float32, distance from the camera centre, scene units; inf: nothing hit
+  torch::Tensor mask;   // [F, H, W] uint8, 0 static, k + 1 the k-th object
 };
 
 struct Scene {

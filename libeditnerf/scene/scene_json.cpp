@@ -53,15 +53,9 @@ std::string SceneToJson(const Scene& scene) {
                       {"camera", ToJson(frame.camera)}});
   }
   const SceneTransform& t = scene.transform;
-  return json{{"name", scene.name},
-              {"scale", t.scale},
-              {"center", {t.center.x, t.center.y, t.center.z}},
-              {"near", t.near},
-              {"far", t.far},
-              {"frames", frames},
-              {"train", scene.train},
-              {"val", scene.val},
-              {"edit", scene.edit}}
+  return json{{"name", scene.name},   {"scale", t.scale}, {"center", {t.center.x, t.center.y, t.center.z}},
+              {"near", t.near},       {"far", t.far},     {"frames", frames},
+              {"train", scene.train}, {"val", scene.val}, {"edit", scene.edit}}
       .dump();
 }
 

@@ -43,7 +43,7 @@ struct PixelTrack {
   std::vector<bool> visible;     // T; checked flow leads here and nothing nearer is in the way
   std::vector<double> distance;  // T; of the surface there along the ray, scene units; NaN where not visible, where
                                  // there is no surface, or where it disagrees with the frames around it
-  std::vector<SkipLink> links;  // direct flows that were taken
+  std::vector<SkipLink> links;   // direct flows that were taken
 
   int64_t CountVisible() const;
 };

@@ -17,7 +17,8 @@ struct Update {
 };
 
 template <class T>
-void StepOnCpu(const Update& u, bool skip_untouched, int64_t count, const T* gradient, T* parameter, T* first, T* second) {
+void StepOnCpu(const Update& u, bool skip_untouched, int64_t count, const T* gradient, T* parameter, T* first,
+               T* second) {
   const T beta1 = static_cast<T>(u.beta1), beta2 = static_cast<T>(u.beta2), epsilon = static_cast<T>(u.epsilon);
   const T rate = static_cast<T>(u.rate / u.correction1), scale = static_cast<T>(1 / std::sqrt(u.correction2));
   ParallelFor(count, kGrain, [&](int64_t begin, int64_t end) {

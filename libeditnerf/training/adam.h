@@ -1,7 +1,7 @@
 // Adam (Kingma and Ba, ICLR 2015) over named parameters, with bias correction.
 //
-// Beside LibTorch's own: state that is saved by name, one fused pass per parameter on the CPU, and tables whose untouched
-// entries (gradient exactly 0) are left alone, moments included, as is usual for hash encodings.
+// Beside LibTorch's own: state that is saved by name, one fused pass per parameter on the CPU, and tables whose
+// untouched entries (gradient exactly 0) are left alone, moments included, as is usual for hash encodings.
 #pragma once
 
 #include <torch/types.h>
@@ -15,8 +15,8 @@ namespace editnerf {
 
 struct AdamGroup {
   std::vector<std::pair<std::string, torch::Tensor>> parameters;  // unique names across groups
-  double learning_rate_factor = 1;  // multiplies the learning rate of each step
-  bool skip_untouched = false;      // leave entries with zero gradient alone
+  double learning_rate_factor = 1;                                // multiplies the learning rate of each step
+  bool skip_untouched = false;                                    // leave entries with zero gradient alone
 };
 
 struct AdamOptions {

@@ -15,7 +15,8 @@ constexpr uint64_t kSeed = 2023;  // of the held-out rays: the same in every run
 // Restores the default generator when it goes: measuring does not change what training draws.
 class GeneratorGuard {
  public:
-  explicit GeneratorGuard(uint64_t seed) : generator_(at::detail::getDefaultCPUGenerator()), state_(generator_.get_state()) {
+  explicit GeneratorGuard(uint64_t seed)
+      : generator_(at::detail::getDefaultCPUGenerator()), state_(generator_.get_state()) {
     generator_.set_current_seed(seed);
   }
   ~GeneratorGuard() { generator_.set_state(state_); }

@@ -1,8 +1,8 @@
 // A run: one stage's field with all that rendering it takes, and its folder on disk.
 //
-//   RUN/checkpoint.safetensors   weights, occupancy, optimiser state, counters; configuration and cameras in the metadata
-//   RUN/config.yaml              the effective configuration
-//   RUN/metrics.csv              error against run time
+//   RUN/checkpoint.safetensors   weights, occupancy, optimiser state, counters; configuration and cameras in the
+//   metadata RUN/config.yaml              the effective configuration RUN/metrics.csv              error against run
+//   time
 //
 // A checkpoint needs no scene folder: cameras, splits and units travel with it, images do not.
 #pragma once
@@ -46,7 +46,8 @@ Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const to
             torch::Device device);
 
 // Writes RUN/checkpoint.safetensors atomically; `extra` tensors (optimiser, generator) travel under their names.
-void SaveRun(const Run& run, const std::filesystem::path& folder, const std::map<std::string, torch::Tensor>& extra = {});
+void SaveRun(const Run& run, const std::filesystem::path& folder,
+             const std::map<std::string, torch::Tensor>& extra = {});
 
 struct LoadedRun {
   Run run;

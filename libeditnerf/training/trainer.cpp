@@ -100,8 +100,8 @@ void Trainer::AddKeyPointLosses(const FrameStates& states, NamedTensors* losses)
   pairs.key_points = states.key_points.slice(0, 0, frames - 1);
   pairs.key_points_next = states.key_points.slice(0, 1);
   if (stage_.lambda_motion > 0) {
-    losses->emplace_back("motion", stage_.lambda_motion * MotionLoss(rays_.cameras(), supervision_->flow, pairs,
-                                                                     stage_.reference_width));
+    losses->emplace_back("motion", stage_.lambda_motion *
+                                       MotionLoss(rays_.cameras(), supervision_->flow, pairs, stage_.reference_width));
   }
   if (stage_.lambda_geometry > 0) {
     losses->emplace_back("geometry",
@@ -121,8 +121,8 @@ int64_t Trainer::RaysForStep() const {
 // Loss terms of some of the step's rays, as means over them.
 NamedTensors Trainer::RayLosses(const RayTargets& batch, const FrameStates& states, const RayOptions& options,
                                 int64_t* samples) const {
-  const RayResult result = run_.renderer->Render(
-      *run_.field, {batch.rays.origin, batch.rays.direction, batch.frame}, states, options);
+  const RayResult result =
+      run_.renderer->Render(*run_.field, {batch.rays.origin, batch.rays.direction, batch.frame}, states, options);
   *samples = result.samples;
   NamedTensors losses;
   losses.emplace_back("reconstruction", ReconstructionLoss(result.rgb, result.rgb_coarse, batch.target));

@@ -21,7 +21,8 @@ TEST_CASE("parallel loops visit every item once") {
 TEST_CASE("parallel loops nest and pass exceptions on") {
   std::atomic<int> total{0};
   ParallelFor(8, 1, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) ParallelFor(10, 1, [&](int64_t b, int64_t e) { total += static_cast<int>(e - b); });
+    for (int64_t i = begin; i < end; ++i)
+      ParallelFor(10, 1, [&](int64_t b, int64_t e) { total += static_cast<int>(e - b); });
   });
   CHECK(total == 80);
   CHECK_THROWS_AS(ParallelFor(100, 1, [](int64_t, int64_t) { throw std::runtime_error("no"); }), std::runtime_error);

@@ -23,10 +23,11 @@ void MakeSmallRun(const std::string& folder) {
   options.width = 32;
   options.height = 18;
   const editnerf::Config config = editnerf::LoadConfigText(
-      "field: {kind: fast, warp: {enabled: false}}\nrender: {sampler: occupancy, occupancy_resolution: 16}", "consumer.yaml");
+      "field: {kind: fast, warp: {enabled: false}}\nrender: {sampler: occupancy, occupancy_resolution: 16}",
+      "consumer.yaml");
   const torch::Tensor tracks = torch::linspace(0, 0.3, 4).view({4, 1, 1}).expand({4, 1, 3});
-  editnerf::SaveRun(editnerf::MakeRun(config, editnerf::FieldStage::kTrain, editnerf::MakeSyntheticScene("hinge", options),
-                                      tracks, torch::kCPU),
+  editnerf::SaveRun(editnerf::MakeRun(config, editnerf::FieldStage::kTrain,
+                                      editnerf::MakeSyntheticScene("hinge", options), tracks, torch::kCPU),
                     folder);
 }
 

@@ -79,7 +79,6 @@ std::vector<Shot> PlanShots(const Play& play, const SyntheticOptions& options) {
 
 Vec3 ToScene(const Vec3& world) { return (world - kTransform.center) * kTransform.scale; }
 
-
 // S M S^-1, with S = scene_from_world: a rigid motion in scene units.
 void StorePose(const Pose& world_from_object, double* matrix) {
   const Vec3 translation = ToScene(world_from_object.rotation * kTransform.center + world_from_object.translation);
