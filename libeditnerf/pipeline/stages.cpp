@@ -93,6 +93,7 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
     const FrameStates states = run.field->States(torch::tensor({t}, torch::kInt64).to(run.device));
     ImageOptions options;
     options.tensor = torch::TensorOptions(torch::kFloat32).device(run.device);
+    options.depth_only = run.config.render.sampler == "occupancy";
     const RenderedImage image =
         RenderImage(*run.field, *run.renderer, factor < 1 ? camera.Resized(reduced(width), reduced(height)) : camera,
                     states, options);

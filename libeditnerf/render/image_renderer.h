@@ -14,6 +14,7 @@ struct ImageOptions {
   int64_t chunk = 2048;                           // rays at a time, in each thread
   torch::TensorOptions tensor = torch::kFloat32;  // type and device of the rays: those of the field
   torch::Tensor background;                       // [3]; undefined: as RayRenderer does without one
+  bool depth_only = false;  // marching alone: no colours, and nothing behind the surface is evaluated
 };
 
 // Outputs that the field does not have are undefined. All lie on the field's device.

@@ -13,6 +13,8 @@ namespace editnerf {
 namespace {
 
 // Without gradients the field sees this many samples at a time: the paper's networks hold 1 KB per layer and sample.
+// Transmittance below which the accumulated weight has passed 0.5 for certain, with a margin for rounding.
+constexpr double kSurfaceStop = 0.45;
 constexpr int64_t kSlice = int64_t{1} << 17;
 
 FieldInput InputRows(const FieldInput& input, int64_t first, int64_t count) {
@@ -187,21 +189,22 @@ RayResult RayRenderer::RenderMarching(RadianceField& field, const RayBatch& rays
                                                  : torch::full_like(near, 0.5);
     const auto t = MarchCandidates(near, far, steps, within);
     samples = PackSamples(t, torch::full_like(t, step), OccupiedAlong(rays, t, states));
-    if (config_.early_stop > 0) {
-      samples = MarchUntilOpaque(samples, config_.early_stop, [&](const PackedSamples& wave) {
+    const double early_stop = options.depth_only ? kSurfaceStop : config_.early_stop;
+    if (early_stop > 0) {
+      samples = MarchUntilOpaque(samples, early_stop, [&](const PackedSamples& wave) {
         return EvaluateField(field, InputAt(rays, wave.ray, wave.t), states, Level::kFine, /*with_color=*/false)
             .density;
       });
     }
   }
   const auto input = InputAt(rays, samples.ray, samples.t);
-  const auto output = EvaluateField(field, input, states, Level::kFine, /*with_color=*/true);
+  const auto output = EvaluateField(field, input, states, Level::kFine, /*with_color=*/!options.depth_only);
   const RayPadding padding(samples);
   const auto t = padding.Pad(samples.t), delta = padding.Pad(samples.delta);
   const auto weights = ComputeRayWeights(padding.Pad(output.density), delta, /*opaque_end=*/false);
 
   RayResult result;
-  result.rgb = CompositeColor(weights, padding.Pad(output.radiance), options.background);
+  if (!options.depth_only) result.rgb = CompositeColor(weights, padding.Pad(output.radiance), options.background);
   result.opacity = weights.opacity;
   const auto surface = FindSurface(weights.weights, t, /*opaque_end=*/false);
   result.depth = surface.depth;

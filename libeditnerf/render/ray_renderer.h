@@ -35,6 +35,7 @@ struct RayOptions {
   torch::Tensor jitter;     // [R] in [0, 1], where in their intervals samples lie; undefined: random where training,
                             // otherwise the middle
   int64_t march_steps = 0;  // 0: as configured
+  bool depth_only = false;  // no colours, and nothing behind the surface (median depth) is evaluated
 };
 
 struct RayResult {

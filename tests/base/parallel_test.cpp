@@ -1,5 +1,7 @@
 #include "libeditnerf/base/parallel.h"
 
+#include <ATen/Parallel.h>
+
 #include <atomic>
 #include <stdexcept>
 #include <vector>
@@ -26,4 +28,12 @@ TEST_CASE("parallel loops nest and pass exceptions on") {
   });
   CHECK(total == 80);
   CHECK_THROWS_AS(ParallelFor(100, 1, [](int64_t, int64_t) { throw std::runtime_error("no"); }), std::runtime_error);
+}
+
+TEST_CASE("parallel parts run LibTorch's operations in one thread each and put its threads back") {
+  SetNumThreads(2);
+  std::vector<int> threads(5, 0);
+  ParallelParts(5, [&](int64_t part) { threads[static_cast<size_t>(part)] = at::get_num_threads(); });
+  for (const int count : threads) CHECK(count == 1);
+  CHECK(at::get_num_threads() == 2);
 }

@@ -107,3 +107,20 @@ TEST_CASE("only samples behind the early stop are dropped, and the colour moves 
   CHECK(ReachedSamples(m.samples, density, 0.1).sum().item<int64_t>() < m.samples.t.size(0));
   CHECK(ReachedSamples(m.samples, torch::zeros_like(density), 0.1).all().item<bool>());
 }
+
+TEST_CASE("marching in waves keeps what one pass over all samples keeps") {
+  torch::manual_seed(4);
+  const auto t = torch::arange(40, torch::kFloat64).expand({6, 40}).contiguous();
+  const auto samples = PackSamples(t, torch::ones_like(t), torch::rand({6, 40}) < 0.7);
+  const auto density = torch::rand({40}, torch::kFloat64) * torch::linspace(0, 0.6, 40, torch::kFloat64);
+  const auto at = [&](const PackedSamples& some) { return density.index_select(0, some.t.to(torch::kInt64)); };
+  int64_t asked = 0;
+  const auto waves = MarchUntilOpaque(samples, 1e-2, [&](const PackedSamples& some) {
+    asked += some.t.size(0);
+    return at(some);
+  });
+  const auto once = SelectSamples(samples, ReachedSamples(samples, at(samples), 1e-2));
+  CHECK(torch::equal(waves.t, once.t));
+  CHECK(torch::equal(waves.ray, once.ray));
+  CHECK(asked < samples.t.size(0));
+}

@@ -95,6 +95,25 @@ TEST_CASE("occupancy grids and early stopping spare most evaluations without cha
   CHECK(torch::equal(few.depth_valid, all.depth_valid));
 }
 
+TEST_CASE("depth alone is the depth of the picture, for fewer evaluations") {
+  BallField field(kRadius, kDensity);
+  auto renderer = MakeRenderer("occupancy");
+  torch::manual_seed(1);
+  for (int update = 0; update < 8; ++update) renderer.UpdateOccupancy(field, kAtOrigin);
+  ImageOptions options;
+  options.tensor = torch::kFloat64;
+  field.evaluations = 0;
+  const RenderedImage whole = RenderImage(field, renderer, SmallCamera(), kAtOrigin, options);
+  const int64_t all = field.evaluations;
+  options.depth_only = true;
+  field.evaluations = 0;
+  const RenderedImage depth = RenderImage(field, renderer, SmallCamera(), kAtOrigin, options);
+  CHECK(torch::equal(whole.depth_valid, depth.depth_valid));
+  CHECK(torch::equal(torch::nan_to_num(whole.depth, 0), torch::nan_to_num(depth.depth, 0)));
+  CHECK_FALSE(depth.rgb.defined());
+  CHECK(field.evaluations < all);
+}
+
 TEST_CASE("training gives gradients with both samplers, also for rays that hit nothing") {
   for (const std::string sampler : {"hierarchical", "occupancy"}) {
     for (const double x : {0.0, 0.9}) {
