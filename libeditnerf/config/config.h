@@ -99,16 +99,16 @@ struct StageConfig {
 struct DetectionConfig {
   int64_t count = 0;  // number of key points; 0: as many as are found
   int64_t max_count = 8;
-  int64_t volume_resolution = 96;   // voxels along the longest side
-  int64_t min_observations = 6;     // frames that must have seen a voxel
-  double smoothing = 2.0;           // standard deviation of the Gaussian, voxels
-  double min_distance = 0.08;       // between maxima, of the volume's longest side
-  double relative_threshold = 0.3;  // of the strongest maximum
-  double reference_delta = 0.02;    // depth difference in the reference frame, of the point's distance
-  int64_t skip_interval = 50;       // frames between attempts of skipping propagation; 0: never
-  double skip_max_error = 5.0;      // forward-backward distance in pixels at 320 wide
-  double merge_distance = 0.15;     // tracks nearer than this (of their motion range) are one part
-  bool refine = true;               // robust least squares over every track
+  int64_t volume_resolution = 96;    // voxels along the longest side
+  int64_t min_observations = 6;      // frames that must have seen a voxel
+  double smoothing = 2.0;            // standard deviation of the Gaussian, voxels
+  double min_distance = 0.08;        // between maxima, of the volume's longest side
+  double relative_threshold = 0.03;  // of the strongest maximum
+  double reference_delta = 0.02;     // depth difference in the reference frame, of the point's distance
+  int64_t skip_interval = 50;        // frames between attempts of skipping propagation; 0: never
+  double skip_max_error = 5.0;       // forward-backward distance in pixels at 320 wide
+  double merge_distance = 0.15;      // tracks nearer than this (of their motion range) are one part
+  bool refine = true;                // robust least squares over every track
 
   template <class Visitor>
   void Visit(Visitor& v) {

@@ -26,8 +26,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int64_t kFramesPerProtocol = 12;  // the report measures a sample; enf-eval measures all
-constexpr int64_t kDemoSweepFrames = 36;
+constexpr int64_t kFramesPerProtocol = 6;  // the report measures a sample; enf-eval measures all
+constexpr int64_t kDemoSweepFrames = 16;
 
 nlohmann::ordered_json ReadIfThere(const fs::path& path) {
   return fs::exists(path) ? nlohmann::ordered_json(ReadJson(path)) : nlohmann::ordered_json::object();
