@@ -8,7 +8,6 @@
 #include <atomic>
 #include <condition_variable>
 #include <exception>
-#include <memory>
 #include <mutex>
 #include <thread>
 #include <vector>
@@ -74,7 +73,6 @@ class Pool {
  private:
   void Loop() {
     int64_t seen = 0;
-    at::set_num_threads(1);  // LibTorch's number of threads is each thread's own
     for (;;) {
       Job* job;
       {
@@ -106,7 +104,9 @@ int64_t AvailableCores() {
 }
 
 int64_t g_num_threads = 0;
-std::unique_ptr<Pool> g_pool;
+// Never destroyed: at the end of the process its threads may still be starting, and joining them there can wait for
+// ever.
+Pool* g_pool = nullptr;
 
 // OpenBLAS, where it is the BLAS under LibTorch, has a pool and a number of threads of its own.
 void SetBlasThreads(int64_t count) {
@@ -135,7 +135,8 @@ class SerialOperations {
 void SetNumThreads(int64_t count) {
   g_num_threads = count > 0 ? count : AvailableCores();
   SetBlasThreads(g_num_threads);
-  g_pool = g_num_threads > 1 ? std::make_unique<Pool>(g_num_threads - 1) : nullptr;
+  delete g_pool;
+  g_pool = g_num_threads > 1 ? new Pool(g_num_threads - 1) : nullptr;
   at::set_num_threads(static_cast<int>(g_num_threads));
 }
 
@@ -162,6 +163,7 @@ void ParallelFor(int64_t count, int64_t grain, const std::function<void(int64_t,
 
 void ParallelParts(int64_t count, const std::function<void(int64_t)>& body) {
   const auto each = [&](int64_t begin, int64_t end) {
+    if (at::get_num_threads() != 1 && t_inside) at::set_num_threads(1);  // LibTorch's number is each thread's own
     for (int64_t i = begin; i < end; ++i) body(i);
   };
   if (t_inside || NumThreads() == 1 || count <= 1) return each(0, count);
