@@ -112,7 +112,7 @@ TEST_CASE("marching in waves keeps what one pass over all samples keeps") {
   torch::manual_seed(4);
   const auto t = torch::arange(40, torch::kFloat64).expand({6, 40}).contiguous();
   const auto samples = PackSamples(t, torch::ones_like(t), torch::rand({6, 40}) < 0.7);
-  const auto density = torch::rand({40}, torch::kFloat64) * torch::linspace(0, 0.6, 40, torch::kFloat64);
+  const auto density = torch::rand({40}, torch::kFloat64) * torch::linspace(0, 3, 40, torch::kFloat64);
   const auto at = [&](const PackedSamples& some) { return density.index_select(0, some.t.to(torch::kInt64)); };
   int64_t asked = 0;
   const auto waves = MarchUntilOpaque(samples, 1e-2, [&](const PackedSamples& some) {
