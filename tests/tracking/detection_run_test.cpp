@@ -19,6 +19,7 @@ DetectionConfig SmallConfig() {
   DetectionConfig config;
   config.volume_resolution = 48;
   config.min_observations = 3;
+  config.relative_threshold = 0.3;  // the clip is free of noise
   return config;
 }
 
