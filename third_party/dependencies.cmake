@@ -15,6 +15,7 @@ endif()
 find_package(fmt 8 REQUIRED)
 find_package(spdlog 1.9 REQUIRED)
 find_package(nlohmann_json 3.9 REQUIRED)
+find_package(hwy 1.0.3 REQUIRED)
 
 if(EDITNERF_BUILD_TOOLS)
   find_package(OpenCV 4.5 REQUIRED COMPONENTS core imgproc imgcodecs videoio video)

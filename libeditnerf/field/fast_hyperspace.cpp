@@ -79,7 +79,7 @@ torch::Tensor FastHyperspace::DensityFeatures(const HyperspaceInput& input) {
     CheckShape(input.ambient, {input.x_canonical.size(0), options_.ambient_dim}, "fast field ambient");
     features.push_back(ambient_encoding_->forward(input.ambient) * ambient_window_);
   }
-  return density_network_->forward(torch::cat(features, 1));
+  return density_network_->forward(features);
 }
 
 torch::Tensor FastHyperspace::Density(const HyperspaceInput& input) {
@@ -96,7 +96,7 @@ HyperspaceOutput FastHyperspace::Evaluate(const HyperspaceInput& input) {
   }
   HyperspaceOutput result;
   result.density = TruncatedExp(out.select(1, 0) + options_.config.density_bias);
-  result.radiance = color_network_->forward(torch::cat(features, 1)).sigmoid();
+  result.radiance = color_network_->forward(features).sigmoid();
   return result;
 }
 

@@ -39,6 +39,28 @@ MlpImpl::MlpImpl(const MlpOptions& options) : options_(options) {
   if (options.out > 0) output_ = register_module("output", MakeLinear(in, options.out, options.output_init));
 }
 
+MlpLayers MlpImpl::Layers() const {
+  MlpLayers layers;
+  for (const auto& layer : hidden_) {
+    layers.weights.push_back(layer->weight);
+    layers.biases.push_back(layer->bias);
+  }
+  layers.linear_output = !output_.is_empty();
+  if (layers.linear_output) {
+    layers.weights.push_back(output_->weight);
+    layers.biases.push_back(output_->bias);
+  }
+  return layers;
+}
+
+torch::Tensor MlpImpl::forward(const std::vector<torch::Tensor>& parts) {
+  if (options_.skip_layer == 0) {
+    const MlpLayers layers = Layers();
+    if (CanFuseMlp(parts, layers)) return FusedMlp(parts, layers);
+  }
+  return forward(parts.size() == 1 ? parts.front() : torch::cat(parts, -1));
+}
+
 torch::Tensor MlpImpl::forward(const torch::Tensor& x) {
   CheckLastDim(x, options_.in, "x");
   torch::Tensor y = x;

@@ -10,6 +10,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "libeditnerf/kernels/fused_mlp.h"
+
 namespace editnerf {
 
 // How a layer's weights start.
@@ -42,9 +44,15 @@ class MlpImpl : public torch::nn::Module {
   // x [..., in] -> [..., output_dim()]. Throws ShapeError.
   torch::Tensor forward(const torch::Tensor& x);
 
+  // The same for an input that is given in parts [S, F_i], side by side. Without a skip layer, float32 on the CPU runs
+  // in one fused pass (kernels/fused_mlp.h).
+  torch::Tensor forward(const std::vector<torch::Tensor>& parts);
+
   int64_t output_dim() const { return options_.out > 0 ? options_.out : options_.width; }
 
  private:
+  MlpLayers Layers() const;
+
   MlpOptions options_;
   std::vector<torch::nn::Linear> hidden_;  // "hidden0", ...
   torch::nn::Linear output_ = nullptr;     // "output"

@@ -3,9 +3,12 @@
 #include <ATen/ATen.h>
 
 #include <algorithm>
+#include <cmath>
+#include <vector>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/kernels/sinusoids.h"
 
 namespace editnerf {
 namespace {
@@ -15,6 +18,17 @@ constexpr double kPi = 3.14159265358979323846;
 // Octaves are integer multiples of the first frequency, so that whole periods may be taken off before they multiply.
 // Nothing changes within one period of zero, where scenes lie; the shift is a constant for the gradient.
 torch::Tensor WithinOnePeriod(const torch::Tensor& x) { return x - (x.detach() * (0.5 / kPi)).round_().mul_(2 * kPi); }
+
+bool InOnePeriod(const torch::Tensor& x) { return x.numel() == 0 || x.detach().abs().max().item<double>() <= kPi; }
+
+std::vector<float> WindowWeights(std::optional<double> alpha, int64_t octaves) {
+  std::vector<float> weights;
+  for (int64_t k = 0; k < octaves; ++k) {
+    const double open = alpha ? std::clamp(*alpha - static_cast<double>(k), 0.0, 1.0) : 1.0;
+    weights.push_back(static_cast<float>(0.5 * (1 - std::cos(kPi * open))));
+  }
+  return weights;
+}
 
 // 1, 2, 4, ...: exact on every device, unlike pow.
 torch::Tensor Frequencies(int64_t count, const torch::TensorOptions& options) {
@@ -34,6 +48,9 @@ PositionalEncoding::PositionalEncoding(int64_t dim, int64_t num_octaves, bool in
 torch::Tensor PositionalEncoding::forward(const torch::Tensor& x, std::optional<double> window_alpha) const {
   CheckLastDim(x, dim_, "x");
   if (num_octaves_ == 0) return x;
+  if (const std::vector<float> weights = WindowWeights(window_alpha, num_octaves_); CanEncodeSinusoids(x, weights)) {
+    if (InOnePeriod(x)) return EncodeSinusoids(x, weights, include_identity_);
+  }
   const torch::TensorOptions options = x.options().requires_grad(false);
   const torch::Tensor phase = WithinOnePeriod(x).unsqueeze(-2) * Frequencies(num_octaves_, options).unsqueeze(-1);
   torch::Tensor waves = torch::stack({phase.sin(), phase.cos()}, -2);  // [..., K, 2, dim]

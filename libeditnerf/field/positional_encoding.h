@@ -1,11 +1,12 @@
 // Sinusoidal positional encoding with a coarse-to-fine window.
 //
 // HyperNeRF (Park et al., SIGGRAPH Asia 2021), which EditableNeRF builds on, without a factor of pi:
-//   gamma(x) = [x,] w_0 sin(x), w_0 cos(x), w_1 sin(2 x), w_1 cos(2 x), ..., w_{K-1} sin(2^{K-1} x), w_{K-1}
-//   cos(2^{K-1} x) w_k(alpha) = (1 - cos(pi clamp(alpha - k, 0, 1))) / 2
+//   gamma(x) = [x,] w_0 sin(x), w_0 cos(x), w_1 sin(2 x), w_1 cos(2 x), ..., w_{K-1} cos(2^{K-1} x)
+//   w_k(alpha) = (1 - cos(pi clamp(alpha - k, 0, 1))) / 2
+//
 // Each sin and cos stands for the `dim` coordinates side by side. Without a window every w_k is 1; the identity is
 // never windowed. Far-out coordinates are brought into one period first, so that every finite input has a finite
-// encoding.
+// encoding. What lies within one period in float32 on the CPU runs through kernels/sinusoids.h.
 //
 // Anchor: gamma(0) with one octave and identity is (0, 0, 1) in one dimension.
 #pragma once

@@ -24,7 +24,7 @@ SlicingNetworkImpl::SlicingNetworkImpl(const SlicingNetworkConfig& config, int64
 torch::Tensor SlicingNetworkImpl::forward(const torch::Tensor& x_observed, const torch::Tensor& warp_code) {
   CheckShape(x_observed, {kAny, 3}, "x_observed");
   CheckShape(warp_code, {x_observed.size(0), code_dim_}, "warp_code");
-  return mlp_->forward(torch::cat({encoding_.forward(x_observed), warp_code}, -1));
+  return mlp_->forward(std::vector<torch::Tensor>{encoding_.forward(x_observed), warp_code});
 }
 
 }  // namespace editnerf

@@ -22,7 +22,7 @@ torch::Tensor WarpFieldImpl::forward(const torch::Tensor& x_observed, const torc
   CheckShape(x_observed, {kAny, 3}, "x_observed");
   CheckShape(warp_code, {x_observed.size(0), code_dim_}, "warp_code");
   const torch::Tensor features =
-      trunk_->forward(torch::cat({encoding_.forward(x_observed, window_alpha), warp_code}, -1));
+      trunk_->forward(std::vector<torch::Tensor>{encoding_.forward(x_observed, window_alpha), warp_code});
   return ExpSe3(rotation_->forward(features), translation_->forward(features), x_observed);
 }
 

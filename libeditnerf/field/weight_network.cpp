@@ -21,7 +21,7 @@ WeightNetworkImpl::WeightNetworkImpl(const WeightNetworkConfig& config, int64_t 
 
 torch::Tensor WeightNetworkImpl::forward(const torch::Tensor& x_canonical) {
   CheckLastDim(x_canonical, 3, "x_canonical");
-  return torch::softmax(mlp_->forward(encoding_.forward(x_canonical)), -1);
+  return torch::softmax(mlp_->forward(std::vector<torch::Tensor>{encoding_.forward(x_canonical)}), -1);
 }
 
 }  // namespace editnerf

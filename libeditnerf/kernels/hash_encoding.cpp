@@ -10,6 +10,7 @@
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/kernels/hash_index.h"
+#include "libeditnerf/kernels/hash_level.h"
 
 namespace editnerf {
 namespace {
@@ -20,6 +21,73 @@ using hash_index::Level;
 // and a level's table in the second.
 constexpr int64_t kTile = 512;
 constexpr int64_t kMaxFeatures = 8;
+
+// Float32 with two features per entry goes through hash_level.h, tile by tile; all else through the loops below it.
+template <class T, int64_t kFeatures>
+constexpr bool kHasLevelKernel = std::is_same_v<T, float>&& kFeatures == 2;
+
+HashTile LoadTile(const float* x, int64_t first, int64_t count) {
+  HashTile tile;
+  tile.count = std::min(count - first, kHashTile);
+  for (int64_t s = 0; s < kHashTile; ++s) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const float value = s < tile.count ? x[3 * (first + s) + axis] : 0.0F;
+      tile.x[axis][s] = value >= 0 ? std::min(value, 1.0F) : 0.0F;  // a NaN becomes 0
+    }
+  }
+  return tile;
+}
+
+// body(tile, its first sample)
+template <class Body>
+void ForTiles(const float* x, int64_t count, const Body& body) {
+  ParallelFor((count + kHashTile - 1) / kHashTile, 4, [&](int64_t first_tile, int64_t last_tile) {
+    for (int64_t t = first_tile; t < last_tile; ++t) body(LoadTile(x, t * kHashTile, count), t * kHashTile);
+  });
+}
+
+void ForwardTiles(const float* x, const float* table, const std::vector<int64_t>& resolutions, int64_t count,
+                  int64_t table_size, float* out) {
+  const auto levels = static_cast<int64_t>(resolutions.size());
+  ForTiles(x, count, [&](const HashTile& tile, int64_t first) {
+    for (int64_t l = 0; l < levels; ++l) {
+      EncodeHashLevel(tile, {resolutions[l], table_size}, table + 2 * l * table_size, out + 2 * (first * levels + l),
+                      2 * levels);
+    }
+  });
+}
+
+void BackwardTableTiles(const float* x, const float* grad_out, const std::vector<int64_t>& resolutions, int64_t count,
+                        int64_t table_size, float* grad_table) {
+  const auto levels = static_cast<int64_t>(resolutions.size());
+  ParallelFor(levels, 1, [&](int64_t first_level, int64_t last_level) {
+    for (int64_t first = 0; first < count; first += kHashTile) {
+      const HashTile tile = LoadTile(x, first, count);
+      for (int64_t l = first_level; l < last_level; ++l) {
+        ScatterHashLevel(tile, {resolutions[l], table_size}, grad_out + 2 * (first * levels + l), 2 * levels,
+                         grad_table + 2 * l * table_size);
+      }
+    }
+  });
+}
+
+void BackwardPositionTiles(const float* x, const float* table, const float* grad_out,
+                           const std::vector<int64_t>& resolutions, int64_t count, int64_t table_size, float* grad_x) {
+  const auto levels = static_cast<int64_t>(resolutions.size());
+  ForTiles(x, count, [&](const HashTile& tile, int64_t first) {
+    float slope[3][kHashTile] = {};
+    for (int64_t l = 0; l < levels; ++l) {
+      SlopeHashLevel(tile, {resolutions[l], table_size}, table + 2 * l * table_size,
+                     grad_out + 2 * (first * levels + l), 2 * levels, slope);
+    }
+    for (int64_t s = 0; s < tile.count; ++s) {
+      for (int axis = 0; axis < 3; ++axis) {
+        const float value = x[3 * (first + s) + axis];
+        grad_x[3 * (first + s) + axis] = value >= 0 && value <= 1 ? slope[axis][s] : 0.0F;
+      }
+    }
+  });
+}
 
 // The cell that holds a coordinate, and the position inside it.
 template <class T>
@@ -68,6 +136,7 @@ void Locate3(const T* x, int64_t resolution, Cell<T> cell[3]) {
 template <class T, int64_t kFeatures>
 void Forward(const T* x, const T* table, const std::vector<int64_t>& resolutions, int64_t count, int64_t table_size,
              T* out) {
+  if constexpr (kHasLevelKernel<T, kFeatures>) return ForwardTiles(x, table, resolutions, count, table_size, out);
   const auto levels = static_cast<int64_t>(resolutions.size());
   const int64_t width = levels * kFeatures;
   ParallelFor((count + kTile - 1) / kTile, 1, [&](int64_t first_tile, int64_t last_tile) {
@@ -95,6 +164,9 @@ void Forward(const T* x, const T* table, const std::vector<int64_t>& resolutions
 template <class T, int64_t kFeatures>
 void BackwardTable(const T* x, const T* grad_out, const std::vector<int64_t>& resolutions, int64_t count,
                    int64_t table_size, T* grad_table) {
+  if constexpr (kHasLevelKernel<T, kFeatures>) {
+    return BackwardTableTiles(x, grad_out, resolutions, count, table_size, grad_table);
+  }
   const auto levels = static_cast<int64_t>(resolutions.size());
   const int64_t width = levels * kFeatures;
   ParallelFor(levels, 1, [&](int64_t first_level, int64_t last_level) {
@@ -117,6 +189,9 @@ void BackwardTable(const T* x, const T* grad_out, const std::vector<int64_t>& re
 template <class T, int64_t kFeatures>
 void BackwardPosition(const T* x, const T* table, const T* grad_out, const std::vector<int64_t>& resolutions,
                       int64_t count, int64_t table_size, T* grad_x) {
+  if constexpr (kHasLevelKernel<T, kFeatures>) {
+    return BackwardPositionTiles(x, table, grad_out, resolutions, count, table_size, grad_x);
+  }
   const auto levels = static_cast<int64_t>(resolutions.size());
   const int64_t width = levels * kFeatures;
   ParallelFor((count + kTile - 1) / kTile, 1, [&](int64_t first_tile, int64_t last_tile) {

@@ -65,12 +65,7 @@ RenderedImage RenderImage(RadianceField& field, RayRenderer& renderer, const Cam
     rays.direction = directions.narrow(0, first, std::min(options.chunk, count - first));
     rays.origin = origin.expand_as(rays.direction);
     rays.state = torch::zeros({rays.direction.size(0)}, directions.options().dtype(torch::kInt64));
-    RayResult& part = parts[static_cast<size_t>(index)];
-    part = renderer.Render(field, rays, states, ray_options);
-    // Padded to the chunk's longest ray and large: not kept.
-    for (const auto member : {&RayResult::sample_weights, &RayResult::interval_center, &RayResult::interval_length}) {
-      part.*member = torch::Tensor();
-    }
+    parts[static_cast<size_t>(index)] = renderer.Render(field, rays, states, ray_options);
   });
   RenderedImage image;
   for (const RayResult& part : parts) image.samples += part.samples;

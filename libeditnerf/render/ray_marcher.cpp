@@ -1,32 +1,45 @@
 #include "libeditnerf/render/ray_marcher.h"
 
-#include <cmath>
-
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <cmath>
+#include <numeric>
 #include <vector>
 
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/kernels/packed_compositing.h"
+#include "libeditnerf/render/compositing.h"
 
 namespace editnerf {
 namespace {
-
-torch::Tensor OffsetsOf(const torch::Tensor& ray, int64_t rays) {
-  const auto counts = torch::bincount(ray, {}, rays);
-  return torch::cat({counts.new_zeros({1}), counts.cumsum(0)});
-}
 
 std::vector<int64_t> WithSizes(std::vector<int64_t> sizes, const torch::Tensor& values, int64_t first_dim) {
   for (int64_t dim = first_dim; dim < values.dim(); ++dim) sizes.push_back(values.size(dim));
   return sizes;
 }
 
-// Indices of the kept entries, never empty.
-torch::Tensor KeptIndices(const torch::Tensor& keep) {
-  const auto indices = keep.flatten().nonzero().squeeze(1);
-  return indices.size(0) > 0 ? indices : indices.new_zeros({1});
+// Of each ray's samples `count` [R] from number `first` [R] on.
+PackedSamples Section(const PackedSamples& samples, const std::vector<int64_t>& first,
+                      const std::vector<int64_t>& count) {
+  PackedSamples section;
+  const auto offsets = torch::zeros({static_cast<int64_t>(count.size()) + 1}, torch::kInt64);
+  int64_t* const offset = offsets.data_ptr<int64_t>();
+  std::partial_sum(count.begin(), count.end(), offset + 1);
+  const auto index = torch::empty({offset[count.size()]}, torch::kInt64);
+  for (size_t ray = 0; ray < count.size(); ++ray) {
+    int64_t* const own = index.data_ptr<int64_t>() + offset[ray];
+    std::iota(own, own + count[ray], first[ray]);
+  }
+  section.offsets = offsets.to(samples.offsets.device());
+  const auto at = index.to(samples.ray.device());
+  section.ray = samples.ray.index_select(0, at);
+  section.t = samples.t.index_select(0, at);
+  section.delta = samples.delta.index_select(0, at);
+  return section;
 }
+
+torch::Tensor ToDoubles(const torch::Tensor& values) { return values.to(torch::kCPU, torch::kFloat64).contiguous(); }
 
 }  // namespace
 
@@ -46,25 +59,15 @@ PackedSamples PackSamples(const torch::Tensor& t, const torch::Tensor& delta, co
   CheckShape(delta, {t.size(0), t.size(1)}, "delta");
   CheckShape(keep, {t.size(0), t.size(1)}, "keep");
   torch::NoGradGuard no_grad;
-  const auto kept = KeptIndices(keep);
+  auto kept = keep.flatten().nonzero().squeeze(1);
+  if (kept.size(0) == 0) kept = kept.new_zeros({1});
   PackedSamples samples;
   samples.ray = torch::div(kept, t.size(1), "floor");
   samples.t = t.reshape({-1}).index_select(0, kept);
   samples.delta = delta.reshape({-1}).index_select(0, kept);
-  samples.offsets = OffsetsOf(samples.ray, t.size(0));
+  const auto counts = torch::bincount(samples.ray, {}, t.size(0));
+  samples.offsets = torch::cat({counts.new_zeros({1}), counts.cumsum(0)});
   return samples;
-}
-
-PackedSamples SelectSamples(const PackedSamples& samples, const torch::Tensor& keep) {
-  CheckShape(keep, {samples.t.size(0)}, "keep");
-  torch::NoGradGuard no_grad;
-  const auto kept = KeptIndices(keep);
-  PackedSamples selected;
-  selected.ray = samples.ray.index_select(0, kept);
-  selected.t = samples.t.index_select(0, kept);
-  selected.delta = samples.delta.index_select(0, kept);
-  selected.offsets = OffsetsOf(selected.ray, samples.offsets.size(0) - 1);
-  return selected;
 }
 
 RayPadding::RayPadding(const PackedSamples& samples) : rays_(samples.offsets.size(0) - 1) {
@@ -86,38 +89,73 @@ torch::Tensor RayPadding::Unpad(const torch::Tensor& padded) const {
   return padded.reshape(WithSizes({rays_ * width_}, padded, 2)).index_select(0, position_);
 }
 
-torch::Tensor ReachedSamples(const PackedSamples& samples, const torch::Tensor& density, double early_stop) {
-  CheckShape(density, {samples.t.size(0)}, "density");
-  torch::NoGradGuard no_grad;
-  const RayPadding padding(samples);
-  const auto tau = padding.Pad(density.detach() * samples.delta);
-  const auto before =
-      torch::cat({torch::zeros_like(tau.narrow(1, 0, 1)), tau.cumsum(1).narrow(1, 0, tau.size(1) - 1)}, 1);
-  return padding.Unpad(torch::exp(-before)) >= early_stop;
-}
-
 PackedSamples MarchUntilOpaque(const PackedSamples& samples, double early_stop,
                                const std::function<torch::Tensor(const PackedSamples&)>& density) {
   constexpr int64_t kWave = 8;  // samples per ray
   torch::NoGradGuard no_grad;
-  const int64_t count = samples.t.size(0);
-  const auto rank = torch::arange(count, samples.ray.options()) - samples.offsets.index_select(0, samples.ray);
-  const auto wave = rank.div(kWave, "floor");
-  const int64_t waves = count > 0 ? wave.max().item<int64_t>() + 1 : 0;
+  const auto offsets = samples.offsets.to(torch::kCPU).contiguous();
+  const auto rays = static_cast<size_t>(offsets.size(0) - 1);
+  const int64_t* const offset = offsets.data_ptr<int64_t>();
+  const std::vector<int64_t> begin(offset, offset + rays);
+  std::vector<int64_t> next = begin, asked(rays), reached(rays);
+  std::vector<double> passed(rays);  // optical thickness
   const double opaque = -std::log(early_stop);
-  auto values = torch::zeros_like(samples.t);
-  auto evaluated = torch::zeros_like(samples.ray, torch::kBool);
-  auto passed = torch::zeros({samples.offsets.size(0) - 1}, samples.t.options());  // optical thickness of each ray
-  for (int64_t w = 0; w < waves; ++w) {
-    const auto wanted = wave.eq(w).logical_and(passed.index_select(0, samples.ray) <= opaque);
-    const auto index = wanted.nonzero().squeeze(1);
-    if (index.size(0) == 0) continue;
-    const auto found = density(SelectSamples(samples, wanted)).to(values.dtype());
-    values.index_copy_(0, index, found);
-    evaluated = evaluated.logical_or(wanted);
-    passed.index_add_(0, samples.ray.index_select(0, index), found * samples.delta.index_select(0, index));
+  for (;;) {
+    for (size_t ray = 0; ray < rays; ++ray) {
+      asked[ray] = passed[ray] <= opaque ? std::min(kWave, offset[ray + 1] - next[ray]) : 0;
+    }
+    const PackedSamples wave = Section(samples, next, asked);
+    if (wave.t.size(0) == 0) break;
+    const auto found = ToDoubles(density(wave)), deltas = ToDoubles(wave.delta);
+    CheckShape(found, {wave.t.size(0)}, "density");
+    const double *sigma = found.data_ptr<double>(), *delta = deltas.data_ptr<double>();
+    for (size_t ray = 0; ray < rays; ++ray) {
+      for (int64_t i = 0; i < asked[ray]; ++i) {
+        if (passed[ray] <= opaque) ++reached[ray];
+        passed[ray] += *sigma++ * *delta++;
+      }
+      next[ray] += asked[ray];
+    }
   }
-  return SelectSamples(samples, evaluated.logical_and(ReachedSamples(samples, values, early_stop)));
+  return Section(samples, begin, reached);
+}
+
+MarchedPicture CompositeSamples(const PackedSamples& samples, const torch::Tensor& density,
+                                const torch::Tensor& radiance, const torch::Tensor& background, bool with_distortion) {
+  const auto type = density.scalar_type();
+  const bool packed = density.is_cpu() && (type == torch::kFloat32 || type == torch::kFloat64) &&
+                      samples.delta.scalar_type() == type && (!radiance.defined() || radiance.scalar_type() == type);
+  if (!packed) return CompositePadded(samples, density, radiance, background, with_distortion);
+  const auto seen = CompositePacked(density, samples.delta, samples.offsets, radiance,
+                                    background.defined() ? background.to(density.options()) : background);
+  const auto surface = FindPackedSurface(seen.weights, samples.t, samples.offsets);
+  MarchedPicture picture;
+  picture.rgb = seen.rgb;
+  picture.opacity = seen.opacity;
+  picture.surface_sample = surface.sample;
+  picture.depth = surface.depth;
+  picture.depth_valid = surface.valid;
+  if (with_distortion) {
+    picture.distortion = PackedDistortion(seen.weights, samples.t, samples.delta, samples.offsets);
+  }
+  return picture;
+}
+
+MarchedPicture CompositePadded(const PackedSamples& samples, const torch::Tensor& density,
+                               const torch::Tensor& radiance, const torch::Tensor& background, bool with_distortion) {
+  const RayPadding padding(samples);
+  const auto t = padding.Pad(samples.t), delta = padding.Pad(samples.delta);
+  const auto seen = ComputeRayWeights(padding.Pad(density), delta, /*opaque_end=*/false);
+  const auto surface = FindSurface(seen.weights, t, /*opaque_end=*/false);
+  MarchedPicture picture;
+  if (radiance.defined()) picture.rgb = CompositeColor(seen, padding.Pad(radiance), background);
+  picture.opacity = seen.opacity;
+  picture.surface_sample =
+      (samples.offsets.narrow(0, 0, surface.index.size(0)) + surface.index).clamp_max(samples.t.size(0) - 1);
+  picture.depth = surface.depth;
+  picture.depth_valid = surface.valid;
+  if (with_distortion) picture.distortion = DistortionLoss(seen.weights, t, delta);
+  return picture;
 }
 
 }  // namespace editnerf

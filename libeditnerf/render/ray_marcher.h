@@ -1,4 +1,6 @@
-// Marching: equal steps along every ray, kept only where the space is occupied, in one packed list.
+// Marching: equal steps along every ray, kept only where the space is occupied, in one packed list, and what that list
+// shows. The kernels (ray_march, packed_compositing) do it on the CPU; elsewhere LibTorch's operations do, on samples
+// padded to [R, S].
 #pragma once
 
 #include <torch/types.h>
@@ -6,15 +8,9 @@
 #include <cstdint>
 #include <functional>
 
-namespace editnerf {
+#include "libeditnerf/kernels/ray_march.h"
 
-// Samples of R rays in ray order, ascending along each ray.
-struct PackedSamples {
-  torch::Tensor ray;      // [S] int64, ascending
-  torch::Tensor t;        // [S]
-  torch::Tensor delta;    // [S], length of the interval that the sample stands for
-  torch::Tensor offsets;  // [R + 1] int64: samples of ray r are offsets[r] .. offsets[r + 1] - 1
-};
+namespace editnerf {
 
 // Positions in `steps` equal intervals between near and far [R] -> t [R, steps]; every interval is
 // (far - near) / steps long. `within` [R] in [0, 1] says where in its intervals a ray's samples lie.
@@ -25,13 +21,30 @@ torch::Tensor MarchCandidates(const torch::Tensor& near, const torch::Tensor& fa
 // the first ray is, so that everything downstream has a sample and its gradients a path.
 PackedSamples PackSamples(const torch::Tensor& t, const torch::Tensor& delta, const torch::Tensor& keep);
 
-// Those among packed samples where keep [S]; the same exception.
-PackedSamples SelectSamples(const PackedSamples& samples, const torch::Tensor& keep);
-
-// The samples that light still reaches (ReachedSamples), asking for densities in waves of a few samples per ray, so
-// that little behind the first opaque surface is evaluated. density(samples) -> [S]. No gradients.
+// The samples that light still reaches, T_i >= early_stop > 0, asking for densities in waves of a few samples per ray,
+// so that little behind the first opaque surface is evaluated. What lies behind cannot change the picture by more than
+// early_stop; what lies in front always stays, also where it is empty. density(samples) -> [S]. No gradients.
 PackedSamples MarchUntilOpaque(const PackedSamples& samples, double early_stop,
                                const std::function<torch::Tensor(const PackedSamples&)>& density);
+
+// What packed samples show.
+struct MarchedPicture {
+  torch::Tensor rgb;             // [R, 3]; undefined without radiance
+  torch::Tensor opacity;         // [R]
+  torch::Tensor surface_sample;  // [R] int64 into the samples; any of them where there is no surface
+  torch::Tensor depth;           // [R], t at the surface (FindSurface); NaN where there is none
+  torch::Tensor depth_valid;     // [R] bool
+  torch::Tensor distortion;      // [R], DistortionLoss in units of t; undefined unless asked for
+};
+
+// density [S] and radiance [S, 3] (may be undefined) at the samples, background [3] or [R, 3] (black if undefined).
+// Differentiable in all three.
+MarchedPicture CompositeSamples(const PackedSamples& samples, const torch::Tensor& density,
+                                const torch::Tensor& radiance, const torch::Tensor& background, bool with_distortion);
+
+// The same by padding, on any device and for any types: the reference of the kernel.
+MarchedPicture CompositePadded(const PackedSamples& samples, const torch::Tensor& density,
+                               const torch::Tensor& radiance, const torch::Tensor& background, bool with_distortion);
 
 // Packed to dense: where each sample goes in a [R, width] array, width = the largest count (at least 1).
 class RayPadding {
@@ -50,9 +63,5 @@ class RayPadding {
   int64_t rays_, width_;
   torch::Tensor position_;  // [S] int64 into [R * width]
 };
-
-// bool [S]: samples that light still reaches, T_i >= early_stop, given density [S] of all of them. What lies behind
-// cannot change the picture by more than early_stop; what lies in front always stays, also where it is empty.
-torch::Tensor ReachedSamples(const PackedSamples& samples, const torch::Tensor& density, double early_stop);
 
 }  // namespace editnerf

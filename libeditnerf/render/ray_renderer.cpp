@@ -3,6 +3,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <initializer_list>
 #include <vector>
 
 #include "libeditnerf/base/error.h"
@@ -12,9 +13,9 @@
 namespace editnerf {
 namespace {
 
-// Without gradients the field sees this many samples at a time: the paper's networks hold 1 KB per layer and sample.
 // Transmittance below which the accumulated weight has passed 0.5 for certain, with a margin for rounding.
 constexpr double kSurfaceStop = 0.45;
+// Without gradients the field sees this many samples at a time: the paper's networks hold 1 KB per layer and sample.
 constexpr int64_t kSlice = int64_t{1} << 17;
 
 FieldInput InputRows(const FieldInput& input, int64_t first, int64_t count) {
@@ -95,6 +96,17 @@ torch::Tensor DensityAt(RadianceField& field, const torch::Tensor& x, const torc
   return EvaluateField(field, input, states, Level::kFine, /*with_color=*/false).density;
 }
 
+bool AreFloats(std::initializer_list<torch::Tensor> tensors) {
+  return std::all_of(tensors.begin(), tensors.end(), [](const torch::Tensor& tensor) {
+    return !tensor.defined() || (tensor.is_cpu() && tensor.scalar_type() == torch::kFloat32);
+  });
+}
+
+OccupancyBits BitsOf(const OccupancyGrid& grid, int64_t resolution) {
+  const auto buffers = grid.named_buffers(/*recurse=*/false);
+  return {buffers["low"], buffers["high"], buffers["occupied"], resolution};
+}
+
 }  // namespace
 
 RayRenderer::RayRenderer(const RenderConfig& config, double near, double far, const Box& box,
@@ -156,39 +168,44 @@ RayResult RayRenderer::RenderHierarchical(RadianceField& field, const RayBatch& 
   result.depth = surface.depth;
   result.depth_valid = surface.valid;
   if (options.surface) FillSurface(input, output, ray_numbers * t.size(1) + surface.index, result);
-  result.sample_weights = fine.weights;
-  result.interval_center = (t + delta / 2 - near_) / (far_ - near_);
-  result.interval_length = delta / (far_ - near_);
+  if (options.distortion) result.distortion = DistortionLoss(fine.weights, t + delta / 2, delta) / (far_ - near_);
   result.samples = t.numel();
   return result;
 }
 
-torch::Tensor RayRenderer::OccupiedAlong(const RayBatch& rays, const torch::Tensor& t,
-                                         const FrameStates& states) const {
-  const auto x = rays.origin.unsqueeze(1) + t.unsqueeze(2) * rays.direction.unsqueeze(1);
-  auto occupied = grid_->Occupied(x);
+// What may be seen of the rays: samples where the grids are occupied.
+PackedSamples RayRenderer::March(const RayBatch& rays, const FrameStates& states, int64_t steps,
+                                 const torch::Tensor& jitter) const {
+  torch::Tensor anchor;
   if (local_grid_) {
     CheckShape(states.key_points, {kAny, 1, 3}, "key_points");
-    const auto anchor = states.key_points.select(1, 0).index_select(0, rays.state).unsqueeze(1);
-    occupied = torch::logical_and(occupied, local_grid_->Occupied(x - anchor));
+    anchor = states.key_points.select(1, 0).index_select(0, rays.state);
   }
-  return occupied;
+  if (AreFloats({rays.origin, rays.direction, jitter, anchor})) {
+    const OccupancyBits bits = BitsOf(*grid_, config_.occupancy_resolution);
+    const OccupancyBits local = local_grid_ ? BitsOf(*local_grid_, config_.occupancy_resolution) : OccupancyBits();
+    return MarchRays({rays.origin, rays.direction, jitter, anchor}, near_, far_, steps, bits,
+                     local_grid_ ? &local : nullptr);
+  }
+  const int64_t count = rays.origin.size(0);
+  const auto near = rays.origin.new_full({count}, near_), far = rays.origin.new_full({count}, far_);
+  const auto t = MarchCandidates(near, far, steps, jitter);
+  const auto x = rays.origin.unsqueeze(1) + t.unsqueeze(2) * rays.direction.unsqueeze(1);
+  auto occupied = grid_->Occupied(x);
+  if (local_grid_) occupied = torch::logical_and(occupied, local_grid_->Occupied(x - anchor.unsqueeze(1)));
+  return PackSamples(t, torch::full_like(t, (far_ - near_) / static_cast<double>(steps)), occupied);
 }
 
 RayResult RayRenderer::RenderMarching(RadianceField& field, const RayBatch& rays, const FrameStates& states,
                                       const RayOptions& options) {
-  const int64_t count = rays.origin.size(0);
-  const auto near = rays.origin.new_full({count}, near_), far = rays.origin.new_full({count}, far_);
-  const int64_t steps = options.march_steps > 0 ? options.march_steps : config_.march_steps;
-  const double step = (far_ - near_) / static_cast<double>(steps);
   PackedSamples samples;
   {
     torch::NoGradGuard no_grad;
-    const auto within = options.jitter.defined() ? options.jitter
-                        : options.training       ? torch::rand_like(near)
-                                                 : torch::full_like(near, 0.5);
-    const auto t = MarchCandidates(near, far, steps, within);
-    samples = PackSamples(t, torch::full_like(t, step), OccupiedAlong(rays, t, states));
+    const auto like = rays.origin.new_empty({rays.origin.size(0)});
+    const auto jitter = options.jitter.defined() ? options.jitter
+                        : options.training       ? torch::rand_like(like)
+                                                 : torch::full_like(like, 0.5);
+    samples = March(rays, states, options.march_steps > 0 ? options.march_steps : config_.march_steps, jitter);
     const double early_stop = options.depth_only ? kSurfaceStop : config_.early_stop;
     if (early_stop > 0) {
       samples = MarchUntilOpaque(samples, early_stop, [&](const PackedSamples& wave) {
@@ -199,23 +216,14 @@ RayResult RayRenderer::RenderMarching(RadianceField& field, const RayBatch& rays
   }
   const auto input = InputAt(rays, samples.ray, samples.t);
   const auto output = EvaluateField(field, input, states, Level::kFine, /*with_color=*/!options.depth_only);
-  const RayPadding padding(samples);
-  const auto t = padding.Pad(samples.t), delta = padding.Pad(samples.delta);
-  const auto weights = ComputeRayWeights(padding.Pad(output.density), delta, /*opaque_end=*/false);
-
+  const auto seen = CompositeSamples(samples, output.density, output.radiance, options.background, options.distortion);
   RayResult result;
-  if (!options.depth_only) result.rgb = CompositeColor(weights, padding.Pad(output.radiance), options.background);
-  result.opacity = weights.opacity;
-  const auto surface = FindSurface(weights.weights, t, /*opaque_end=*/false);
-  result.depth = surface.depth;
-  result.depth_valid = surface.valid;
-  if (options.surface) {
-    const auto row = (samples.offsets.narrow(0, 0, count) + surface.index).clamp_max(samples.t.size(0) - 1);
-    FillSurface(input, output, row, result);
-  }
-  result.sample_weights = weights.weights;
-  result.interval_center = (t - near_) / (far_ - near_);
-  result.interval_length = delta / (far_ - near_);
+  result.rgb = seen.rgb;
+  result.opacity = seen.opacity;
+  result.depth = seen.depth;
+  result.depth_valid = seen.depth_valid;
+  if (options.distortion) result.distortion = seen.distortion / (far_ - near_);
+  if (options.surface) FillSurface(input, output, seen.surface_sample, result);
   result.samples = samples.t.size(0);
   return result;
 }

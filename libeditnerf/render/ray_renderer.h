@@ -31,6 +31,7 @@ struct RayOptions {
   bool training = false;     // random sample positions, and the coarse level's colours
   torch::Tensor background;  // [3] or [R, 3]; undefined: see above
   bool surface = true;       // fill RayResult's surface outputs
+  bool distortion = false;   // fill RayResult's distortion
   // Marching alone:
   torch::Tensor jitter;     // [R] in [0, 1], where in their intervals samples lie; undefined: random where training,
                             // otherwise the middle
@@ -51,11 +52,8 @@ struct RayResult {
   torch::Tensor ambient;      // [R, A]
   torch::Tensor weights;      // [R, N], of the key points
 
-  // Per sample, padded with weight 0.
-  torch::Tensor sample_weights;   // [R, S]
-  torch::Tensor interval_center;  // [R, S], 0 at near and 1 at far
-  torch::Tensor interval_length;  // [R, S], in the same unit
-  int64_t samples = 0;            // field evaluations with colour
+  torch::Tensor distortion;  // [R], DistortionLoss with 0 at near and 1 at far; undefined unless asked for
+  int64_t samples = 0;       // field evaluations with colour
 };
 
 class RayRenderer : public torch::nn::Module {
@@ -86,7 +84,8 @@ class RayRenderer : public torch::nn::Module {
                                const RayOptions& options);
   RayResult RenderMarching(RadianceField& field, const RayBatch& rays, const FrameStates& states,
                            const RayOptions& options);
-  torch::Tensor OccupiedAlong(const RayBatch& rays, const torch::Tensor& t, const FrameStates& states) const;
+  PackedSamples March(const RayBatch& rays, const FrameStates& states, int64_t steps,
+                      const torch::Tensor& jitter) const;
   torch::Tensor LocalDensityAt(RadianceField& field, const torch::Tensor& x_local, const torch::Tensor& state,
                                const FrameStates& states) const;
 

@@ -19,14 +19,26 @@ namespace editnerf {
 namespace {
 
 constexpr int64_t kHeldOutRays = 8192;
-// A random background makes surfaces opaque; from the first step on it would build a fog wall before the cameras.
-constexpr int64_t kRandomBackgroundDelay = 200;
+// A random background makes surfaces opaque, but from the first step on it would build a wall of fog before the
+// cameras. Until then the images' mean colour stands behind everything: on black, a thin fog would first have to become
+// white, where its colours saturate and learn no more.
+constexpr int64_t kMeanBackgroundSteps = 100, kRandomBackgroundStep = 400;
 constexpr int64_t kFewestRays = 256;
 
-// Steps along a ray: few while everything is fog, all of them once surfaces have formed.
+// Steps along a ray: few while everything is fog, where fine samples show nothing and more rays do; all of them once
+// surfaces have formed.
 int64_t MarchStepsFor(int64_t step, int64_t configured) {
-  if (step < 100) return std::max<int64_t>(2, configured / 4);
-  return step < 300 ? std::max<int64_t>(2, configured / 2) : configured;
+  if (step < 300) return std::max<int64_t>(2, configured / 4);
+  return step < 1000 ? std::max<int64_t>(2, configured / 2) : configured;
+}
+
+// [R, 3], fading from the mean colour to random ones.
+torch::Tensor Background(const torch::Tensor& mean_color, int64_t rays, int64_t step) {
+  const double share = std::clamp(static_cast<double>(step - kMeanBackgroundSteps) /
+                                      static_cast<double>(kRandomBackgroundStep - kMeanBackgroundSteps),
+                                  0.0, 1.0);
+  const torch::Tensor random = torch::rand({rays, 3}).to(mean_color.device());
+  return torch::lerp(mean_color.expand({rays, 3}), random, share);
 }
 
 const StageConfig& StageOf(const Run& run) {
@@ -134,9 +146,7 @@ NamedTensors Trainer::RayLosses(const RayTargets& batch, const FrameStates& stat
     losses.emplace_back("ambient", stage_.lambda_ambient * AmbientRegularisation(result.ambient, result.depth_valid));
   }
   if (stage_.lambda_distortion > 0) {
-    const torch::Tensor distortion =
-        DistortionLoss(result.sample_weights, result.interval_center, result.interval_length);
-    losses.emplace_back("distortion", stage_.lambda_distortion * distortion.mean());
+    losses.emplace_back("distortion", stage_.lambda_distortion * result.distortion.mean());
   }
   return losses;
 }
@@ -156,7 +166,8 @@ NamedTensors Trainer::Backward() {
   RayOptions options;
   options.training = true;
   options.surface = stage_.lambda_ambient > 0 || run_.config.field.warp.enabled;
-  if (stage_.random_background && step >= kRandomBackgroundDelay) options.background = torch::rand_like(batch.target);
+  options.distortion = stage_.lambda_distortion > 0;
+  if (stage_.random_background) options.background = Background(rays_.mean_color(), count, step);
   if (marching) {
     options.jitter = torch::rand({count}).to(run_.device);
     options.march_steps = MarchStepsFor(step, run_.config.render.march_steps);

@@ -7,6 +7,10 @@ TrainingRays::TrainingRays(const Scene& scene, const std::vector<int64_t>& frame
   for (const int64_t frame : frames) cameras.push_back(scene.frames[static_cast<size_t>(frame)].camera);
   cameras_ = StackCameras(cameras, torch::kFloat32, device);
   images_ = scene.images.index_select(0, torch::tensor(frames, torch::kInt64)).to(device);
+  torch::Tensor sum = torch::zeros({3}, torch::TensorOptions(torch::kFloat64).device(device));
+  for (int64_t frame = 0; frame < images_.size(0); ++frame)
+    sum += images_[frame].mean(torch::IntArrayRef{0, 1}, false, torch::kFloat64);
+  mean_color_ = (sum / (255.0 * static_cast<double>(images_.size(0)))).to(torch::kFloat32);
 }
 
 RayTargets TrainingRays::Sample(int64_t count) const {

@@ -27,10 +27,12 @@ class TrainingRays {
   RayTargets Sample(int64_t count) const;
 
   const CameraTensors& cameras() const { return cameras_; }
+  const torch::Tensor& mean_color() const { return mean_color_; }  // [3], of all pixels
 
  private:
   CameraTensors cameras_;
-  torch::Tensor images_;  // [F, H, W, 3] uint8
+  torch::Tensor images_;      // [F, H, W, 3] uint8
+  torch::Tensor mean_color_;  // [3]
 };
 
 }  // namespace editnerf

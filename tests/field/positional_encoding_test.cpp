@@ -51,6 +51,23 @@ TEST_CASE("the encoding holds identity, sines and cosines of doubling frequencie
   CHECK(encoding.forward(x).equal(encoding.forward(x, 5.0)));
 }
 
+TEST_CASE("the float32 kernel of the encoding agrees with double precision in value and gradient") {
+  for (const bool identity : {true, false}) {
+    for (const int64_t count : {1, 85, 86, 3000}) {
+      const PositionalEncoding encoding(3, 8, identity);
+      const auto fine = ((torch::rand({count, 3}) * 2 - 1) * 3.1).to(torch::kFloat64).set_requires_grad(true);
+      const auto fast = fine.detach().to(torch::kFloat32).set_requires_grad(true);
+      const auto expected = encoding.forward(fine, 5.3), found = encoding.forward(fast, 5.3);
+      REQUIRE(found.sizes() == expected.sizes());
+      CHECK((found - expected).abs().max().item<double>() < 1e-6);
+      const auto upstream = torch::randn(expected.sizes(), torch::kFloat64);
+      const auto expected_grad = torch::autograd::grad({(expected * upstream).sum()}, {fine})[0];
+      const auto found_grad = torch::autograd::grad({(found * upstream).sum()}, {fast})[0];
+      CHECK((found_grad - expected_grad).norm().item<double>() < 1e-5 * expected_grad.norm().item<double>());
+    }
+  }
+}
+
 TEST_CASE("without identity only the waves are left, and without octaves only the identity") {
   const auto x = torch::randn({2, 5, 3}, torch::kFloat64);
   CHECK(PositionalEncoding(3, 0).forward(x).equal(x));

@@ -18,3 +18,9 @@ TEST_CASE("spherical harmonics are orthonormal over the sphere") {
   const auto gram = 4 * M_PI / static_cast<double>(n * n) * torch::mm(h.t(), h);
   CHECK((gram - torch::eye(16, torch::kFloat64)).abs().max().item<double>() < 1e-3);
 }
+
+TEST_CASE("spherical harmonics in single precision, by the loop, are those of double precision") {
+  const auto d = torch::nn::functional::normalize(torch::randn({50, 3}, torch::kFloat64));
+  const auto found = SphericalHarmonics(d.to(torch::kFloat32)).to(torch::kFloat64);
+  CHECK((found - SphericalHarmonics(d)).abs().max().item<double>() < 1e-6);
+}

@@ -7,6 +7,7 @@
 
 #include "libeditnerf/base/error.h"
 #include "tests/catch.h"
+#include "tests/gradient_check.h"
 
 using namespace editnerf;
 
@@ -44,17 +45,8 @@ TEST_CASE("hash encoding agrees with its reference in value and gradient for odd
 }
 
 TEST_CASE("hash encoding has the gradient that central differences find") {
-  const auto table = Table(torch::kFloat64);
-  auto x = (0.1 + 0.8 * torch::rand({20, 3}, torch::kFloat64)).requires_grad_();
-  const auto upstream = torch::randn({20, 10}, torch::kFloat64);
-  const auto grad = torch::autograd::grad({(HashEncode(x, table, kResolutions) * upstream).sum()}, {x})[0];
-  const auto direction = torch::randn_like(x);
-  const double step = 1e-7;
-  const auto value = [&](double s) {
-    return (HashEncode(x.detach() + s * direction, table, kResolutions) * upstream).sum().item<double>();
-  };
-  const double expected = (value(step) - value(-step)) / (2 * step);
-  CHECK((grad * direction).sum().item<double>() == Approx(expected).epsilon(1e-5));
+  const auto table = Leaf(Table(torch::kFloat64)), x = Leaf(0.1 + 0.8 * torch::rand({20, 3}));
+  CHECK(GradientError([&] { return HashEncode(x, table, kResolutions); }, {x, table}, 1e-7) < 1e-5);
 }
 
 TEST_CASE("hash encoding is continuous across cells and clamps outside the cube") {
@@ -81,4 +73,20 @@ TEST_CASE("hash encoding refuses wrong shapes by name") {
   CHECK_THROWS_WITH(HashEncode(torch::zeros({4, 3}), torch::zeros({5, 12, 2}), kResolutions),
                     "hash encoding table: expected a power of two of entries, found 12");
   CHECK_THROWS_AS(HashEncode(torch::zeros({4, 3}, torch::kFloat64), table, kResolutions), ShapeError);
+}
+
+TEST_CASE("the float32 kernel of the hash encoding agrees with the reference, also where the table wraps around") {
+  torch::manual_seed(5);
+  const std::vector<int64_t> resolutions = HashResolutions(5, 4, 200);
+  auto table = torch::randn({5, 1 << 5, 2}).requires_grad_();  // small, so that neighbours wrap around often
+  for (const int64_t count : {1, 127, 128, 129, 1000}) {
+    auto x = (torch::rand({count, 3}) * 1.2 - 0.1).requires_grad_();
+    const auto upstream = torch::randn({count, 10});
+    const auto fast = HashEncode(x, table, resolutions), plain = HashEncodeReference(x, table, resolutions);
+    CHECK(torch::allclose(fast, plain, 1e-4, 1e-5));
+    const auto fast_grads = torch::autograd::grad({(fast * upstream).sum()}, {x, table});
+    const auto plain_grads = torch::autograd::grad({(plain * upstream).sum()}, {x, table});
+    CHECK((fast_grads[0] - plain_grads[0]).norm().item<double>() < 1e-5 * plain_grads[0].norm().item<double>());
+    CHECK((fast_grads[1] - plain_grads[1]).norm().item<double>() < 1e-5 * plain_grads[1].norm().item<double>());
+  }
 }

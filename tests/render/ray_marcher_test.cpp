@@ -4,7 +4,7 @@
 
 #include "libeditnerf/render/compositing.h"
 #include "tests/catch.h"
-#include "tests/central_differences.h"
+#include "tests/gradient_check.h"
 
 using namespace editnerf;
 
@@ -23,6 +23,13 @@ Marched March(int64_t rays, int64_t steps, double share) {
   m.keep = torch::rand({rays, steps}) < share;
   m.samples = PackSamples(m.t, m.delta, m.keep);
   return m;
+}
+
+// Light [S] that reaches each sample.
+torch::Tensor LightAt(const PackedSamples& samples, const torch::Tensor& density) {
+  const RayPadding padding(samples);
+  const auto tau = padding.Pad(density * samples.delta);
+  return padding.Unpad(torch::exp(tau - tau.cumsum(1)));
 }
 
 }  // namespace
@@ -69,10 +76,11 @@ TEST_CASE("packed compositing equals dense compositing with zero density where n
   const auto expected = FindSurface(dense.weights, m.t, false);
   CHECK(torch::equal(near_half.valid, expected.valid));
   CHECK(torch::equal(near_half.depth.nan_to_num(-1), expected.depth.nan_to_num(-1)));
-  const auto loss = [&](const torch::Tensor& x) {
-    return ComputeRayWeights(padding.Pad(x), padding.Pad(m.samples.delta), false).weights.square().sum();
+  const auto leaf = Leaf(packed_density);
+  const auto weights = [&] {
+    return ComputeRayWeights(padding.Pad(leaf), padding.Pad(m.samples.delta), false).weights;
   };
-  CHECK(GradientError(loss, packed_density) < 1e-8);
+  CHECK(GradientError(weights, {leaf}) < 1e-7);
 }
 
 TEST_CASE("marching through nothing keeps one sample so that gradients have a path") {
@@ -80,47 +88,56 @@ TEST_CASE("marching through nothing keeps one sample so that gradients have a pa
   CHECK(m.samples.t.size(0) == 1);
   CHECK(m.samples.ray[0].item<int64_t>() == 0);
   CHECK(RayPadding(m.samples).width() == 1);
-  const auto some = March(4, 10, 0.5).samples;
-  const auto none = SelectSamples(some, torch::zeros({some.t.size(0)}, torch::kBool));
-  CHECK(none.t.size(0) == 1);
 }
 
-TEST_CASE("only samples behind the early stop are dropped, and the colour moves by no more than it") {
+TEST_CASE("what packed samples show is what padded ones show") {
+  torch::manual_seed(6);
+  const auto m = March(30, 20, 0.4);
+  const int64_t count = m.samples.t.size(0);
+  const auto density = torch::rand({count}, torch::kFloat64) * 30, radiance = torch::rand({count, 3}, torch::kFloat64);
+  const auto background = torch::rand({3}, torch::kFloat64);
+  const auto packed = CompositeSamples(m.samples, density, radiance, background, /*with_distortion=*/true);
+  const auto padded = CompositePadded(m.samples, density, radiance, background, /*with_distortion=*/true);
+  CHECK(torch::allclose(packed.rgb, padded.rgb, 1e-12, 1e-14));
+  CHECK(torch::allclose(packed.opacity, padded.opacity, 1e-12, 1e-14));
+  CHECK(torch::allclose(packed.distortion, padded.distortion, 1e-11, 1e-14));
+  CHECK(torch::equal(packed.depth_valid, padded.depth_valid));
+  CHECK(torch::equal(packed.depth.nan_to_num(-1), padded.depth.nan_to_num(-1)));
+  CHECK(torch::equal(packed.surface_sample.index({packed.depth_valid}),
+                     padded.surface_sample.index({packed.depth_valid})));
+  const auto without = CompositeSamples(m.samples, density, {}, {}, /*with_distortion=*/false);
+  CHECK_FALSE(without.rgb.defined());
+  CHECK_FALSE(without.distortion.defined());
+  // Types that differ take the padded way.
+  CHECK(CompositeSamples(m.samples, density.to(torch::kFloat32), radiance, background, true).rgb.dtype() ==
+        torch::kFloat64);
+}
+
+TEST_CASE("only samples behind the early stop are dropped, and most of them are not evaluated") {
   torch::manual_seed(3);
-  const auto m = March(50, 64, 0.6);
-  const auto density = torch::rand({m.samples.t.size(0)}, torch::kFloat64) * 40;
-  const auto radiance = torch::rand({m.samples.t.size(0), 3}, torch::kFloat64);
-  const auto render = [](const PackedSamples& samples, const torch::Tensor& sigma, const torch::Tensor& color) {
-    const RayPadding padding(samples);
-    return CompositeColor(ComputeRayWeights(padding.Pad(sigma), padding.Pad(samples.delta), false), padding.Pad(color));
-  };
-  for (const double stop : {1e-3, 0.1}) {
-    const auto reached = ReachedSamples(m.samples, density, stop);
-    const auto kept = SelectSamples(m.samples, reached);
-    const auto full = render(m.samples, density, radiance);
-    const auto stopped = render(kept, density.index({reached}), radiance.index({reached}));
-    CHECK((full - stopped).abs().max().item<double>() <= stop);
-    // What is dropped lies behind what is kept: along each ray `reached` never rises again.
-    const RayPadding padding(m.samples);
-    CHECK((padding.Pad(reached.to(torch::kFloat32)).diff(1, 1) <= 0).all().item<bool>());
+  const auto t = torch::arange(64, torch::kFloat64).expand({50, 64}).contiguous();
+  const auto samples = PackSamples(t, torch::full_like(t, 0.02), torch::rand({50, 64}) < 0.6);
+  const auto table = torch::rand({64}, torch::kFloat64) * 40;
+  const auto density = [&](const PackedSamples& some) { return table.index_select(0, some.t.to(torch::kInt64)); };
+  for (const double stop : {1e-3, 0.1, 1.0}) {
+    int64_t asked = 0;
+    const auto reached = MarchUntilOpaque(samples, stop, [&](const PackedSamples& some) {
+      asked += some.t.size(0);
+      return density(some);
+    });
+    const auto expected = LightAt(samples, density(samples)) >= stop;
+    CHECK(torch::equal(reached.t, samples.t.index({expected})));
+    CHECK(torch::equal(reached.ray, samples.ray.index({expected})));
+    CHECK(torch::equal(reached.delta, samples.delta.index({expected})));
+    CHECK(torch::equal(reached.offsets.diff(), torch::bincount(reached.ray, {}, 50)));
+    CHECK(asked < samples.t.size(0));
+    CHECK(asked <= reached.t.size(0) + 50 * 8);
+    const auto radiance = torch::rand({64, 3}, torch::kFloat64);
+    const auto rgb = [&](const PackedSamples& some) {
+      return CompositeSamples(some, density(some), radiance.index_select(0, some.t.to(torch::kInt64)), {}, false).rgb;
+    };
+    CHECK((rgb(samples) - rgb(reached)).abs().max().item<double>() <= stop);
   }
-  CHECK(ReachedSamples(m.samples, density, 0.1).sum().item<int64_t>() < m.samples.t.size(0));
-  CHECK(ReachedSamples(m.samples, torch::zeros_like(density), 0.1).all().item<bool>());
-}
-
-TEST_CASE("marching in waves keeps what one pass over all samples keeps") {
-  torch::manual_seed(4);
-  const auto t = torch::arange(40, torch::kFloat64).expand({6, 40}).contiguous();
-  const auto samples = PackSamples(t, torch::ones_like(t), torch::rand({6, 40}) < 0.7);
-  const auto density = torch::rand({40}, torch::kFloat64) * torch::linspace(0, 3, 40, torch::kFloat64);
-  const auto at = [&](const PackedSamples& some) { return density.index_select(0, some.t.to(torch::kInt64)); };
-  int64_t asked = 0;
-  const auto waves = MarchUntilOpaque(samples, 1e-2, [&](const PackedSamples& some) {
-    asked += some.t.size(0);
-    return at(some);
-  });
-  const auto once = SelectSamples(samples, ReachedSamples(samples, at(samples), 1e-2));
-  CHECK(torch::equal(waves.t, once.t));
-  CHECK(torch::equal(waves.ray, once.ray));
-  CHECK(asked < samples.t.size(0));
+  const auto all = MarchUntilOpaque(samples, 0.1, [](const PackedSamples& some) { return torch::zeros_like(some.t); });
+  CHECK(torch::equal(all.t, samples.t));
 }

@@ -155,7 +155,7 @@ TEST_CASE("a step with a loss that is not finite changes no weight") {
 
 TEST_CASE("a checkpoint that is damaged, cut off or of another kind is refused by name") {
   const fs::path folder = Scratch("damaged");
-  CHECK_THROWS_WITH(LoadRun(folder), Catch::Contains("checkpoint.safetensors: no checkpoint here"));
+  CHECK_THROWS_WITH(LoadRun(folder), HasText("checkpoint.safetensors: no checkpoint here"));
   SaveRun(MakeRun(SmallFast(), FieldStage::kTrain, TinyScene(), TrueTracks(TinyScene()), torch::kCPU), folder);
   CHECK_NOTHROW(LoadRun(folder));
   const fs::path path = folder / "checkpoint.safetensors";

@@ -1,0 +1,169 @@
+#include "libeditnerf/kernels/hash_level.h"
+
+#include "libeditnerf/kernels/hash_index.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "libeditnerf/kernels/hash_level.cpp"  // compiled once for every target
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace editnerf {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using FloatTag = hn::CappedTag<float, 16>;
+using IntTag = hn::Rebind<int32_t, FloatTag>;
+using WordTag = hn::Rebind<uint32_t, FloatTag>;
+using PairTag = hn::FixedTag<float, 4>;  // two neighbours along the first axis, two features each
+using Pair = hn::Vec<PairTag>;
+
+// Where the cells of a tile lie in a level. Of the four edges of a cell along the first axis, edge jk has the upper
+// neighbour along the second axis where jk & 1, and along the third where jk & 2.
+struct Cells {
+  alignas(64) uint32_t entry[4][kHashTile];  // of an edge's lower end
+  alignas(64) float fraction[3][kHashTile];
+  alignas(64) float weight[4][kHashTile];  // of an edge
+};
+
+HWY_INLINE void FindCells(const HashTile& tile, const hash_index::Level& level, int64_t resolution, Cells& cells) {
+  const FloatTag f;
+  const IntTag i;
+  const WordTag w;
+  const auto lanes = static_cast<int64_t>(hn::Lanes(f));
+  const auto scale = hn::Set(f, static_cast<float>(resolution));
+  const auto last = hn::Set(i, static_cast<int32_t>(resolution - 1));
+  const auto mask = hn::Set(w, level.mask), one = hn::Set(w, 1);
+  const auto unit = hn::Set(f, 1.0F);
+  for (int64_t s = 0; s < tile.count; s += lanes) {
+    hn::Vec<WordTag> corner[3];
+    hn::Vec<FloatTag> upper[3], lower[3];
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto scaled = hn::Mul(hn::Load(f, tile.x[axis] + s), scale);
+      const auto cell = hn::Min(hn::ConvertTo(i, scaled), last);
+      corner[axis] = hn::BitCast(w, cell);
+      upper[axis] = hn::Sub(scaled, hn::ConvertTo(f, cell));
+      lower[axis] = hn::Sub(unit, upper[axis]);
+      hn::Store(upper[axis], f, cells.fraction[axis] + s);
+    }
+    for (int jk = 0; jk < 4; ++jk) {
+      const bool j = (jk & 1) != 0, k = (jk & 2) != 0;
+      const auto y = j ? hn::Add(corner[1], one) : corner[1], z = k ? hn::Add(corner[2], one) : corner[2];
+      const auto row = level.dense ? hn::Mul(hn::Set(w, level.side), hn::Add(y, hn::Mul(hn::Set(w, level.side), z)))
+                                   : hn::Xor(hn::Mul(y, hn::Set(w, hash_index::kPrimeY)),
+                                             hn::Mul(z, hn::Set(w, hash_index::kPrimeZ)));
+      hn::Store(hn::And(hn::Add(corner[0], row), mask), w, cells.entry[jk] + s);
+      hn::Store(hn::Mul(j ? upper[1] : lower[1], k ? upper[2] : lower[2]), f, cells.weight[jk] + s);
+    }
+  }
+}
+
+// Both ends of an edge. The upper end follows in memory but for the last entry, whose neighbour is the first.
+HWY_INLINE Pair LoadEdge(const float* features, uint32_t entry, uint32_t mask) {
+  const PairTag tag;
+  if (HWY_LIKELY(entry != mask)) return hn::LoadU(tag, features + 2 * static_cast<size_t>(entry));
+  HWY_ALIGN float both[4] = {features[2 * static_cast<size_t>(entry)], features[2 * static_cast<size_t>(entry) + 1],
+                             features[0], features[1]};
+  return hn::Load(tag, both);
+}
+
+HWY_INLINE void AddToEdge(Pair value, float* features, uint32_t entry, uint32_t mask) {
+  const PairTag tag;
+  float* const at = features + 2 * static_cast<size_t>(entry);
+  if (HWY_LIKELY(entry != mask)) {
+    hn::StoreU(hn::Add(hn::LoadU(tag, at), value), tag, at);
+    return;
+  }
+  HWY_ALIGN float both[4];
+  hn::Store(value, tag, both);
+  at[0] += both[0], at[1] += both[1];
+  features[0] += both[2], features[1] += both[3];
+}
+
+void Encode(const HashTile& tile, const HashLevel& where, const float* features, float* out, int64_t stride) {
+  const hash_index::Level level(where.resolution, where.table_size);
+  Cells cells;
+  FindCells(tile, level, where.resolution, cells);
+  const PairTag tag;
+  for (int64_t s = 0; s < tile.count; ++s) {
+    Pair sum = hn::Zero(tag);
+    for (int jk = 0; jk < 4; ++jk) {
+      sum = hn::MulAdd(LoadEdge(features, cells.entry[jk][s], level.mask), hn::Set(tag, cells.weight[jk][s]), sum);
+    }
+    HWY_ALIGN float ends[4];
+    hn::Store(sum, tag, ends);
+    const float upper = cells.fraction[0][s];
+    out[s * stride] = ends[0] + upper * (ends[2] - ends[0]);
+    out[s * stride + 1] = ends[1] + upper * (ends[3] - ends[1]);
+  }
+}
+
+void Scatter(const HashTile& tile, const HashLevel& where, const float* grad, int64_t stride, float* grad_features) {
+  const hash_index::Level level(where.resolution, where.table_size);
+  Cells cells;
+  FindCells(tile, level, where.resolution, cells);
+  const PairTag tag;
+  for (int64_t s = 0; s < tile.count; ++s) {
+    const float g0 = grad[s * stride], g1 = grad[s * stride + 1];
+    if (g0 == 0 && g1 == 0) continue;  // behind the surface
+    const float upper = cells.fraction[0][s], lower = 1 - upper;
+    HWY_ALIGN const float ends[4] = {g0 * lower, g1 * lower, g0 * upper, g1 * upper};
+    const Pair value = hn::Load(tag, ends);
+    for (int jk = 0; jk < 4; ++jk) {
+      AddToEdge(hn::Mul(value, hn::Set(tag, cells.weight[jk][s])), grad_features, cells.entry[jk][s], level.mask);
+    }
+  }
+}
+
+void Slope(const HashTile& tile, const HashLevel& where, const float* features, const float* grad, int64_t stride,
+           float slope[3][kHashTile]) {
+  const hash_index::Level level(where.resolution, where.table_size);
+  Cells cells;
+  FindCells(tile, level, where.resolution, cells);
+  const auto scale = static_cast<float>(where.resolution);
+  const PairTag tag;
+  for (int64_t s = 0; s < tile.count; ++s) {
+    const float g0 = grad[s * stride], g1 = grad[s * stride + 1];
+    if (g0 == 0 && g1 == 0) continue;
+    const float x = cells.fraction[0][s], y = cells.fraction[1][s], z = cells.fraction[2][s];
+    float along = 0, edge[4];
+    for (int jk = 0; jk < 4; ++jk) {
+      HWY_ALIGN float ends[4];
+      hn::Store(LoadEdge(features, cells.entry[jk][s], level.mask), tag, ends);
+      const float low = g0 * ends[0] + g1 * ends[1], high = g0 * ends[2] + g1 * ends[3];
+      along += cells.weight[jk][s] * (high - low);
+      edge[jk] = low + x * (high - low);
+    }
+    slope[0][s] += scale * along;
+    slope[1][s] += scale * ((1 - z) * (edge[1] - edge[0]) + z * (edge[3] - edge[2]));
+    slope[2][s] += scale * ((1 - y) * (edge[2] - edge[0]) + y * (edge[3] - edge[1]));
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace editnerf
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace editnerf {
+
+HWY_EXPORT(Encode);
+HWY_EXPORT(Scatter);
+HWY_EXPORT(Slope);
+
+void EncodeHashLevel(const HashTile& tile, const HashLevel& level, const float* features, float* out, int64_t stride) {
+  HWY_DYNAMIC_DISPATCH(Encode)(tile, level, features, out, stride);
+}
+
+void ScatterHashLevel(const HashTile& tile, const HashLevel& level, const float* grad, int64_t stride,
+                      float* grad_features) {
+  HWY_DYNAMIC_DISPATCH(Scatter)(tile, level, grad, stride, grad_features);
+}
+
+void SlopeHashLevel(const HashTile& tile, const HashLevel& level, const float* features, const float* grad,
+                    int64_t stride, float slope[3][kHashTile]) {
+  HWY_DYNAMIC_DISPATCH(Slope)(tile, level, features, grad, stride, slope);
+}
+
+}  // namespace editnerf
+#endif
