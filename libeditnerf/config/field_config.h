@@ -12,7 +12,7 @@ namespace editnerf {
 // SE(3) warp field x' = T(x, beta_t), eq. (1).
 struct WarpFieldConfig {
   bool enabled = true;
-  int64_t num_octaves = 7;  // of the positional encoding: degrees 0 .. num_octaves-1, plus identity
+  int64_t num_octaves = 6;  // of the positional encoding: degrees 0 .. num_octaves-1, plus identity
   int64_t window_steps =
       80000;                // the coarse-to-fine window opens linearly over this many steps; 0: open from the start
   int64_t depth = 6;        // hidden layers
@@ -36,7 +36,7 @@ struct WarpFieldConfig {
 
 // Softmax weight network w = W(x'), eq. (2). Built only for two key points or more.
 struct WeightNetworkConfig {
-  int64_t num_octaves = 7;
+  int64_t num_octaves = 6;
   int64_t depth = 4;
   int64_t width = 32;
   double output_init = 1e-5;  // standard deviation of the output layer: training starts at equal weights
@@ -53,7 +53,7 @@ struct WeightNetworkConfig {
 // Slicing network a = S(x, beta_t) of the pretrained HyperNeRF.
 struct SlicingNetworkConfig {
   int64_t ambient_dim = 3;
-  int64_t num_octaves = 7;
+  int64_t num_octaves = 6;
   int64_t depth = 6;
   int64_t width = 64;
   int64_t skip_layer = 4;
@@ -72,7 +72,7 @@ struct SlicingNetworkConfig {
 
 // Hyperspace NeRF (c, sigma) = H(x' (+) ambient, d, alpha_t), eq. (4), as networks of the paper's size.
 struct HyperspaceNerfConfig {
-  int64_t num_octaves = 9;               // of x', plus identity
+  int64_t num_octaves = 8;               // of x', plus identity
   int64_t ambient_octaves = 1;           // of the ambient coordinates, without identity
   int64_t ambient_window_delay = 1000;   // steps during which the ambient window stays closed
   int64_t ambient_window_steps = 10000;  // steps over which it then opens
@@ -153,7 +153,7 @@ struct FieldConfig {
   bool use_appearance = true;  // alpha_t in the colour branch
   int64_t appearance_dim = 4;
   bool use_view_direction = true;  // d in the colour branch
-  int64_t direction_octaves = 5;
+  int64_t direction_octaves = 4;
   double code_init = 0.05;  // codes start as U(0, code_init)
   SlicingNetworkConfig slicing;
   WeightNetworkConfig weights;
