@@ -6,6 +6,7 @@
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/imaging/json_file.h"
 #include "libeditnerf/pipeline/evaluate_run.h"
+#include "libeditnerf/pipeline/key_point_scores.h"
 #include "libeditnerf/pipeline/stages.h"
 #include "support/run.h"
 

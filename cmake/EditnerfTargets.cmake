@@ -77,7 +77,7 @@ function(editnerf_add_tests name)
     EDITNERF_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     EDITNERF_BINARY_DIR="${PROJECT_BINARY_DIR}")
   editnerf_set_common(${name})
-  # Idle threads of LibTorch's pools must not spin (apps/support/thread_pools.h).
+  # Idle threads of LibTorch's pools must not spin (apps/support/thread_pools.h). Catch2's script takes no lists.
   catch_discover_tests(${name} PROPERTIES LABELS ${name} TIMEOUT 900
-    ENVIRONMENT "GOMP_SPINCOUNT=1000;OPENBLAS_THREAD_TIMEOUT=12")
+    ENVIRONMENT GOMP_SPINCOUNT=1000 ENVIRONMENT_MODIFICATION OPENBLAS_THREAD_TIMEOUT=set:12)
 endfunction()

@@ -1,11 +1,16 @@
 // The tests' entry point: two threads, whatever LibTorch starts with, so that results do not depend on the machine.
-#define CATCH_CONFIG_RUNNER
-#include "tests/catch.h"
+#include <cstdlib>
 
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/parallel.h"
 
+#define CATCH_CONFIG_RUNNER
+#include "tests/catch.h"
+
 int main(int argc, char** argv) {
+  // For the programs that tests start, and so that RunProgram, called by a test, does not start this one again.
+  setenv("GOMP_SPINCOUNT", "1000", 0);
+  setenv("OPENBLAS_THREAD_TIMEOUT", "12", 0);
   editnerf::SetNumThreads(2);
   editnerf::SetLogLevel(editnerf::LogLevel::kError);
   return Catch::Session().run(argc, argv);

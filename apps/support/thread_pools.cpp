@@ -5,15 +5,10 @@
 #include <cstdlib>
 
 namespace editnerf {
-namespace {
-
-constexpr const char* kMark = "EDITNERF_SPINS_SET";
-
-}  // namespace
 
 void RestartWithShortSpins(char* const* argv) {
-  if (std::getenv(kMark) != nullptr || std::getenv("OMP_WAIT_POLICY") != nullptr) return;
-  setenv(kMark, "1", 1);
+  const auto chosen = [](const char* name) { return std::getenv(name) != nullptr; };
+  if (chosen("OMP_WAIT_POLICY") || (chosen("GOMP_SPINCOUNT") && chosen("OPENBLAS_THREAD_TIMEOUT"))) return;
   setenv("GOMP_SPINCOUNT", "1000", 0);
   setenv("OPENBLAS_THREAD_TIMEOUT", "12", 0);  // 2^12 cycles
   execv("/proc/self/exe", argv);

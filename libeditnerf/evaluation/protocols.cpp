@@ -26,6 +26,8 @@ void CheckFrame(const Scene& scene, int64_t frame) {
 
 }  // namespace
 
+bool HasMasks(const Scene& scene) { return scene.truth && scene.truth->mask.defined(); }
+
 int64_t ObjectAt(const Scene& scene, int64_t frame, const Vec3& position) {
   const GroundTruth& truth = Truth(scene);
   CheckFrame(scene, frame);

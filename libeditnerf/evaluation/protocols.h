@@ -27,6 +27,9 @@ struct ReferenceKeyPoint {
   int64_t object = kStaticObject;  // of GroundTruth::objects, see ObjectAt
 };
 
+// Whether the scene has the ground-truth mask by which objects are told apart.
+bool HasMasks(const Scene& scene);
+
 // The moving object seen at the key point's pixel (its projection rounded down) by the ground-truth mask; kStaticObject
 // on the static scene, outside the image and behind the camera. Throws DataError when the scene has no ground truth.
 int64_t ObjectAt(const Scene& scene, int64_t frame, const Vec3& position);

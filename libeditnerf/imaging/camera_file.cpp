@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/scene/scene_json.h"
 
 namespace editnerf {
 
@@ -38,15 +39,9 @@ Camera CameraFromJson(const Json& json, const std::string& where) {
 
 Json CameraToJson(const Camera& camera) {
   const auto& m = camera.orientation.m;
-  return {{"orientation", {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}}},
-          {"position", {camera.position.x, camera.position.y, camera.position.z}},
-          {"focal_length", camera.focal_length},
-          {"principal_point", camera.principal_point},
-          {"skew", camera.skew},
-          {"pixel_aspect_ratio", camera.pixel_aspect_ratio},
-          {"radial_distortion", camera.radial_distortion},
-          {"tangential_distortion", camera.tangential_distortion},
-          {"image_size", {camera.width, camera.height}}};
+  Json json = CameraFields(camera);
+  json["orientation"] = {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}};
+  return json;
 }
 
 Camera ReadCameraFile(const std::filesystem::path& path) { return CameraFromJson(ReadJson(path), path.string()); }

@@ -5,7 +5,7 @@
 //   depth/depth_median_ID.npy       float32 [H, W], distance from the camera centre, scene units; NaN: no surface
 //   flow/flow_ID.npy                float32 [H, W, 2], from this training frame to the next, pixels (x, y)
 //
-// Local coordinates (METHOD.md, section 1): q = s k + b, with k in scene units.
+// Local coordinates, as in the supplement of EditableNeRF: q = s k + b, with k in scene units.
 // All functions throw DataError naming the file and what was expected, ShapeError for wrong tensors.
 #pragma once
 

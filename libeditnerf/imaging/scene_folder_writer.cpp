@@ -13,6 +13,7 @@
 #include "libeditnerf/imaging/npy_file.h"
 #include "libeditnerf/imaging/scene_folder.h"
 #include "libeditnerf/imaging/truth_files.h"
+#include "libeditnerf/scene/scene_json.h"
 
 namespace editnerf {
 namespace fs = std::filesystem;
@@ -50,10 +51,7 @@ void RemoveStaleSceneFiles(const fs::path& folder) {
 void WriteSceneDescription(const Scene& scene, const fs::path& folder) {
   MakeFolder(folder / "camera");
   const SceneTransform& transform = scene.transform;
-  WriteJson(folder / "scene.json", {{"scale", transform.scale},
-                                    {"center", {transform.center.x, transform.center.y, transform.center.z}},
-                                    {"near", transform.near},
-                                    {"far", transform.far}});
+  WriteJson(folder / "scene.json", ToJson(transform));
 
   std::vector<std::string> ids;
   Json metadata = Json::object();

@@ -18,7 +18,6 @@
 
 #include "libeditnerf/evaluation/evaluation_result.h"
 #include "libeditnerf/evaluation/lpips.h"
-#include "libeditnerf/evaluation/protocols.h"
 #include "libeditnerf/scene/scene.h"
 #include "libeditnerf/training/run.h"
 
@@ -46,23 +45,5 @@ std::string ReasonAgainst(const Run& run, const Scene& scene, const std::string&
 // root mean square distance to the nearest training frame's key points [scene units]. Seconds: "train" (or "pretrain")
 // with measurements and checkpoints, "train_only" the optimisation alone.
 EvaluationResult EvaluateRun(Run& run, const Scene& scene, const EvaluationRequest& request);
-
-// One key point against the true motion of the object on which it lies in its reference frame.
-struct KeyPointScore {
-  ReferenceKeyPoint reference;    // where training left it
-  std::string object;             // of GroundTruth::objects; empty: on the static scene
-  std::vector<double> distances;  // to the true motion, per training frame, scene units
-  double motion_range = 0;        // largest distance between two true positions, scene units
-};
-
-// Key points that the reference frames of data/detection.json do not fit take the training frame in which they are
-// closest to the visible surface of a moving object. Empty without key points or ground-truth masks.
-std::vector<KeyPointScore> MeasureKeyPoints(Run& run, const Scene& scene,
-                                            const std::filesystem::path& detection_folder);
-
-// {"key_points.on_moving_part": 2, "key_points.objects": ["lid", null, "lid"], "key_points.error": 0.01,
-//  "key_points.error_share": 0.02}: the medians over frames and key points of the distance, in scene units and as a
-// share of the key point's motion range (those on moving objects). Empty for no scores.
-nlohmann::json ToJson(const std::vector<KeyPointScore>& scores);
 
 }  // namespace editnerf

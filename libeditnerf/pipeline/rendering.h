@@ -1,7 +1,4 @@
-// From a request (frames, a camera path, an edit) to pictures and videos of a run.
-//
-// Planning names every output picture, its camera and its state, and meets all the user's mistakes; rendering then only
-// renders.
+// From a planned job (pipeline/render_plan.h) to pictures and videos of a run.
 #pragma once
 
 #include <torch/types.h>
@@ -9,38 +6,11 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
-#include <vector>
 
-#include "libeditnerf/editing/edit_file.h"
-#include "libeditnerf/field/radiance_field.h"
-#include "libeditnerf/geometry/camera.h"
+#include "libeditnerf/pipeline/render_plan.h"
 #include "libeditnerf/training/run.h"
 
 namespace editnerf {
-
-struct PlannedFrame {
-  std::string name;    // of the picture's file, without its ending
-  Camera camera;       // scene units
-  FrameStates states;  // tables of one row, on the run's device
-};
-
-struct RenderJob {
-  std::vector<PlannedFrame> frames;
-  double fps = 24;             // of a video
-  bool unseen_states = false;  // edits: training may never have shown these states
-};
-
-// Scene frames as they are: `selection` is "train", "val", "all" (both) or ids separated by commas. Throws DataError
-// for unknown ids, and for frames of the edit split: a run has no state of theirs.
-RenderJob PlanFrames(const Run& run, const std::string& selection);
-
-// One picture for each camera file (*.json, world units, in order of name) of `folder`, all in the state of one frame;
-// empty: the middle training frame. Throws DataError where the folder has no cameras, and as PlanFrames does.
-RenderJob PlanCameraPath(const Run& run, const std::filesystem::path& folder, const std::string& code_frame = "");
-
-// The frames of an edit (docs/edit-files.md), named by their number. Throws DataError naming the frame of the edit: for
-// a pretrained run, which has no key points, a key point that the run does not have, an unknown frame id.
-RenderJob PlanEdit(const Run& run, const EditFile& edit);
 
 struct RenderOutput {
   std::filesystem::path path;     // *.mp4: a video; otherwise a folder for NAME.png, NAME_depth.png, NAME_weights.png

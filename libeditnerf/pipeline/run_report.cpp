@@ -16,6 +16,7 @@
 #include "libeditnerf/imaging/json_file.h"
 #include "libeditnerf/pipeline/demo_edit.h"
 #include "libeditnerf/pipeline/evaluate_run.h"
+#include "libeditnerf/pipeline/key_point_scores.h"
 #include "libeditnerf/pipeline/rendering.h"
 #include "libeditnerf/render/image_renderer.h"
 #include "libeditnerf/training/metrics_log.h"

@@ -76,6 +76,16 @@ Scene OpenScene(const fs::path& path, const DataConfig& config) {
   return ReadSceneFolder(path, config);
 }
 
+void CheckSameScene(const Run& run, const Scene& scene) {
+  const SceneTransform &a = run.scene.transform, &b = scene.transform;
+  const bool same_units =
+      std::abs(a.scale - b.scale) <= 1e-6 * std::abs(a.scale) && Norm(a.center - b.center) * std::abs(a.scale) <= 1e-6;
+  if (!same_units || TrainingIds(run.scene) != TrainingIds(scene)) {
+    Throw<DataError>("{}: not the scene of this run: its {} differ; give the scene that the run was trained on",
+                     scene.name, same_units ? "training frames" : "scale or center");
+  }
+}
+
 PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels) {
   const torch::NoGradGuard no_grad;
   const int64_t height = scene.height(), width = scene.width(), count = static_cast<int64_t>(scene.train.size());

@@ -25,6 +25,10 @@ struct StageRequest {
 // A scene folder, or a packed scene (*.safetensors). Throws DataError.
 Scene OpenScene(const std::filesystem::path& path, const DataConfig& config);
 
+// Throws DataError unless `scene`, at whatever image size, is the one that the run was trained on: the same scene units
+// and training frames.
+void CheckSameScene(const Run& run, const Scene& scene);
+
 // Trains the HyperNeRF and writes RUN with surface_maps.safetensors. Throws Interrupted after Ctrl-C.
 void RunPretraining(const Scene& scene, const StageRequest& request);
 

@@ -2,11 +2,10 @@
 
 #include <torch/torch.h>
 
-#include <nlohmann/json.hpp>
-
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/safetensors.h"
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/scene/scene_json.h"
 
 namespace editnerf {
 namespace {
@@ -107,10 +106,11 @@ Json SceneJson(const Scene& scene) {
   Json ids = Json::array(), objects = Json::array();
   for (const SceneFrame& frame : scene.frames) ids.push_back(frame.id);
   if (scene.truth) objects = scene.truth->objects;
-  const SceneTransform& t = scene.transform;
-  return {{"name", scene.name}, {"scale", t.scale}, {"center", {t.center.x, t.center.y, t.center.z}},
-          {"near", t.near},     {"far", t.far},     {"ids", ids},
-          {"objects", objects}};
+  Json json = ToJson(scene.transform);
+  json["name"] = scene.name;
+  json["ids"] = std::move(ids);
+  json["objects"] = std::move(objects);
+  return json;
 }
 
 // What the JSON says; returns the names of the moving objects.
@@ -118,11 +118,7 @@ std::vector<std::string> ReadSceneJson(const std::string& path, const std::strin
   try {
     const Json json = Json::parse(text);
     scene.name = json.at("name").get<std::string>();
-    const auto center = json.at("center").get<std::array<double, 3>>();
-    scene.transform = {json.at("scale").get<double>(),
-                       {center[0], center[1], center[2]},
-                       json.at("near").get<double>(),
-                       json.at("far").get<double>()};
+    scene.transform = TransformFromJson(json);
     for (const auto& id : json.at("ids")) scene.frames.emplace_back().id = id.get<std::string>();
     return json.at("objects").get<std::vector<std::string>>();
   } catch (const Json::exception& error) {

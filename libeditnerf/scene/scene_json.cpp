@@ -1,25 +1,11 @@
 #include "libeditnerf/scene/scene_json.h"
 
-#include <nlohmann/json.hpp>
-
 #include "libeditnerf/base/error.h"
 
 namespace editnerf {
 namespace {
 
 using nlohmann::json;
-
-json ToJson(const Camera& c) {
-  return {{"orientation", c.orientation.m},
-          {"position", {c.position.x, c.position.y, c.position.z}},
-          {"focal_length", c.focal_length},
-          {"principal_point", c.principal_point},
-          {"skew", c.skew},
-          {"pixel_aspect_ratio", c.pixel_aspect_ratio},
-          {"radial_distortion", c.radial_distortion},
-          {"tangential_distortion", c.tangential_distortion},
-          {"image_size", {c.width, c.height}}};
-}
 
 Vec3 ToVec3(const json& value) {
   const auto v = value.get<std::array<double, 3>>();
@@ -44,19 +30,41 @@ Camera CameraFromJson(const json& value) {
 
 }  // namespace
 
+json CameraFields(const Camera& c) {
+  return {{"orientation", c.orientation.m},
+          {"position", {c.position.x, c.position.y, c.position.z}},
+          {"focal_length", c.focal_length},
+          {"principal_point", c.principal_point},
+          {"skew", c.skew},
+          {"pixel_aspect_ratio", c.pixel_aspect_ratio},
+          {"radial_distortion", c.radial_distortion},
+          {"tangential_distortion", c.tangential_distortion},
+          {"image_size", {c.width, c.height}}};
+}
+
+json ToJson(const SceneTransform& t) {
+  return {{"scale", t.scale}, {"center", {t.center.x, t.center.y, t.center.z}}, {"near", t.near}, {"far", t.far}};
+}
+
+SceneTransform TransformFromJson(const json& value) {
+  return {value.at("scale"), ToVec3(value.at("center")), value.at("near"), value.at("far")};
+}
+
 std::string SceneToJson(const Scene& scene) {
   json frames = json::array();
   for (const SceneFrame& frame : scene.frames) {
     frames.push_back({{"id", frame.id},
                       {"warp_id", frame.warp_id},
                       {"appearance_id", frame.appearance_id},
-                      {"camera", ToJson(frame.camera)}});
+                      {"camera", CameraFields(frame.camera)}});
   }
-  const SceneTransform& t = scene.transform;
-  return json{{"name", scene.name},   {"scale", t.scale}, {"center", {t.center.x, t.center.y, t.center.z}},
-              {"near", t.near},       {"far", t.far},     {"frames", frames},
-              {"train", scene.train}, {"val", scene.val}, {"edit", scene.edit}}
-      .dump();
+  json value = ToJson(scene.transform);
+  value["name"] = scene.name;
+  value["frames"] = std::move(frames);
+  value["train"] = scene.train;
+  value["val"] = scene.val;
+  value["edit"] = scene.edit;
+  return value.dump();
 }
 
 Scene SceneFromJson(const std::string& text, const std::string& where) {
@@ -64,10 +72,7 @@ Scene SceneFromJson(const std::string& text, const std::string& where) {
     const json value = json::parse(text);
     Scene scene;
     scene.name = value.at("name");
-    scene.transform.scale = value.at("scale");
-    scene.transform.center = ToVec3(value.at("center"));
-    scene.transform.near = value.at("near");
-    scene.transform.far = value.at("far");
+    scene.transform = TransformFromJson(value);
     for (const json& frame : value.at("frames")) {
       scene.frames.push_back(
           {frame.at("id"), frame.at("warp_id"), frame.at("appearance_id"), CameraFromJson(frame.at("camera"))});

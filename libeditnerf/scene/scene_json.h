@@ -1,6 +1,7 @@
 // A scene without its pixels as JSON text: cameras, ids, splits and units. What checkpoints carry.
 #pragma once
 
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "libeditnerf/scene/scene.h"
@@ -11,5 +12,12 @@ std::string SceneToJson(const Scene& scene);
 
 // Throws DataError naming `where` and what is missing or of the wrong type.
 Scene SceneFromJson(const std::string& text, const std::string& where);
+
+// The parts that other files share. {"scale", "center": [3], "near", "far"}; reading throws nlohmann's exceptions.
+nlohmann::json ToJson(const SceneTransform& transform);
+SceneTransform TransformFromJson(const nlohmann::json& value);
+
+// The fields of a camera file, except that the orientation is nine numbers, row-major.
+nlohmann::json CameraFields(const Camera& camera);
 
 }  // namespace editnerf

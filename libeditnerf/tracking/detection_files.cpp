@@ -1,4 +1,3 @@
-#if __has_include("libeditnerf/imaging/key_point_files.h")
 #include <nlohmann/json.hpp>
 
 #include "libeditnerf/base/file.h"
@@ -75,4 +74,3 @@ void WriteDetection(const Scene& scene, const PretrainedMaps& maps, const Detect
 }
 
 }  // namespace editnerf
-#endif

@@ -1,11 +1,11 @@
 #include "libeditnerf/tracking/detection_pictures.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/imaging/palette.h"
 
 namespace editnerf {
 namespace {
@@ -16,16 +16,8 @@ constexpr int64_t kTrailFrames = 12;
 constexpr int kSubPixelBits = 3;
 
 cv::Scalar ColorOf(int64_t n) {
-  static const std::array<std::array<int, 3>, 8> colors = {{{255, 70, 60},
-                                                            {70, 200, 255},
-                                                            {255, 210, 50},
-                                                            {90, 255, 110},
-                                                            {255, 110, 240},
-                                                            {255, 150, 50},
-                                                            {140, 130, 255},
-                                                            {255, 255, 255}}};
-  const auto& c = colors[static_cast<size_t>(n) % colors.size()];
-  return {static_cast<double>(c[0]), static_cast<double>(c[1]), static_cast<double>(c[2])};
+  const auto& color = KeyPointColor(n);
+  return cv::Scalar(color[0], color[1], color[2]);
 }
 
 torch::Tensor ToTensor(const cv::Mat& image) {
@@ -48,21 +40,19 @@ cv::Mat DrawPanel(const Detection& detection, const Panel& panel, double stronge
   torch::Tensor values = std::get<0>(volume.smoothed.max(panel.along));
   if (panel.right < panel.vertical) values = values.t();  // rows: vertical, columns: right
   if (panel.flipped) values = values.flip(0);
-  values = (values / strongest * 255).clamp(0, 255).to(torch::kUInt8).contiguous();
-  const cv::Mat gray(static_cast<int>(values.size(0)), static_cast<int>(values.size(1)), CV_8UC1,
-                     values.data_ptr<uint8_t>());
+  const torch::Tensor colors = ScalarPicture(values / strongest);
+  const cv::Mat cells(static_cast<int>(colors.size(0)), static_cast<int>(colors.size(1)), CV_8UC3,
+                      colors.data_ptr<uint8_t>());
   const double scale = kPanelSide * volume.voxel_size / volume.LongestSide();
-  const cv::Size size(std::max(1, static_cast<int>(std::lround(gray.cols * scale))),
-                      std::max(1, static_cast<int>(std::lround(gray.rows * scale))));
-  cv::Mat large, image;
-  cv::resize(gray, large, size, 0, 0, cv::INTER_NEAREST);
-  cv::applyColorMap(large, image, cv::COLORMAP_INFERNO);
-  cv::cvtColor(image, image, cv::COLOR_BGR2RGB);
+  const cv::Size size(std::max(1, static_cast<int>(std::lround(cells.cols * scale))),
+                      std::max(1, static_cast<int>(std::lround(cells.rows * scale))));
+  cv::Mat image;
+  cv::resize(cells, image, size, 0, 0, cv::INTER_NEAREST);
   const auto place = [&](const Vec3& p) {
-    const double cells[3] = {(p.x - volume.origin.x) / volume.voxel_size, (p.y - volume.origin.y) / volume.voxel_size,
-                             (p.z - volume.origin.z) / volume.voxel_size};
-    const double v = panel.flipped ? gray.rows - cells[panel.vertical] : cells[panel.vertical];
-    return FixedPoint(cells[panel.right] * scale, v * scale);
+    const double cell[3] = {(p.x - volume.origin.x) / volume.voxel_size, (p.y - volume.origin.y) / volume.voxel_size,
+                            (p.z - volume.origin.z) / volume.voxel_size};
+    const double v = panel.flipped ? cells.rows - cell[panel.vertical] : cell[panel.vertical];
+    return FixedPoint(cell[panel.right] * scale, v * scale);
   };
   for (const VolumeMaximum& candidate : detection.candidates)
     cv::circle(image, place(candidate.point), 2 << kSubPixelBits, {200, 200, 200}, cv::FILLED, cv::LINE_AA,

@@ -5,8 +5,6 @@
 #include <string>
 
 #include "libeditnerf/base/error.h"
-
-#if __has_include("libeditnerf/base/safetensors.h")
 #include "libeditnerf/base/safetensors.h"
 
 namespace editnerf {
@@ -56,4 +54,3 @@ void WritePretrainedMaps(const PretrainedMaps& maps, const Scene& scene, const s
 }
 
 }  // namespace editnerf
-#endif

@@ -25,6 +25,8 @@ struct Outcome {
 // Runs a program with one required argument, INPUT, in this process.
 Outcome Run(std::vector<const char*> arguments, const std::function<void()>& body = {}) {
   arguments.insert(arguments.begin(), "enf-test");
+  const auto argc = static_cast<int>(arguments.size());
+  arguments.push_back(nullptr);
   std::ostringstream out, err;
   std::streambuf* const old_out = std::cout.rdbuf(out.rdbuf());
   std::streambuf* const old_err = std::cerr.rdbuf(err.rdbuf());
@@ -32,7 +34,7 @@ Outcome Run(std::vector<const char*> arguments, const std::function<void()>& bod
   Outcome outcome;
   std::string input;
   outcome.code = RunProgram(
-      "enf-test", "Tests.", static_cast<int>(arguments.size()), arguments.data(),
+      "enf-test", "Tests.", argc, arguments.data(),
       [&](CLI::App& app) { app.add_option("INPUT", input, "what to read")->required(); },
       [&](const CommonOptions& common) {
         outcome.ran = true;

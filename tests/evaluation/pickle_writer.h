@@ -1,6 +1,8 @@
 // Pickle opcodes by hand, so that tests can write what Python's torch.save writes, and what it never would.
 #pragma once
 
+#include <unistd.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -84,9 +86,14 @@ inline std::string StoredZip(const std::vector<std::pair<std::string, std::strin
          LittleEndian(0, 2);
 }
 
-// Writes `content` to a file of this name in the tests' scratch folder.
+// A scratch folder of this process alone: ctest runs cases side by side.
+inline std::filesystem::path ScratchFolder() {
+  return std::filesystem::path(EDITNERF_BINARY_DIR) / "test_scratch" / ("evaluation_" + std::to_string(getpid()));
+}
+
+// Writes `content` to a file of this name in the scratch folder.
 inline std::filesystem::path Scratch(const std::string& name, const std::string& content) {
-  const auto folder = std::filesystem::path(EDITNERF_BINARY_DIR) / "test_scratch" / "evaluation";
+  const auto folder = ScratchFolder();
   MakeFolder(folder);
   WriteFileAtomically(folder / name, content);
   return folder / name;

@@ -18,14 +18,6 @@ std::string MessageOf(const Action& action) {
   return "no error";
 }
 
-// Matchers that Catch2 v2 and v3 name differently.
-inline auto HasText(const std::string& text) {
-#if __has_include(<catch2/catch_all.hpp>)
-  return Catch::Matchers::ContainsSubstring(text);
-#else
-  return Catch::Matchers::Contains(text);
-#endif
-}
 inline auto StartsWithText(const std::string& text) { return Catch::Matchers::StartsWith(text); }
 
 }  // namespace editnerf

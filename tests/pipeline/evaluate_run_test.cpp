@@ -5,10 +5,10 @@
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/config/yaml.h"
 #include "libeditnerf/evaluation/image_metrics.h"
+#include "libeditnerf/pipeline/key_point_scores.h"
 #include "tests/catch.h"
 
 using namespace editnerf;
-using Catch::Matchers::Contains;
 
 namespace {
 
@@ -100,7 +100,7 @@ TEST_CASE("a pretrained run is measured but not edited") {
   Run run = UntrainedRun(scene, FieldStage::kPretrain);
   EvaluationRequest request;
   request.protocols = {"editing"};
-  CHECK_THROWS_WITH(EvaluateRun(run, scene, request), Contains("a pretrained run has no key points"));
+  CHECK_THROWS_WITH(EvaluateRun(run, scene, request), HasText("a pretrained run has no key points"));
   CHECK(ReasonAgainst(run, scene, "reconstruction").empty());
   CHECK(MeasureKeyPoints(run, scene, "").empty());
 }
@@ -110,11 +110,11 @@ TEST_CASE("what a scene cannot be measured by is said") {
   const Run run = UntrainedRun(scene, FieldStage::kTrain);
   CHECK_THROWS_AS(ReasonAgainst(run, scene, "edit"), ConfigError);
   scene.edit.clear();
-  CHECK_THAT(ReasonAgainst(run, scene, "editing"), Contains("no edit frames"));
+  CHECK_THAT(ReasonAgainst(run, scene, "editing"), HasText("no edit frames"));
   scene.truth.reset();
-  CHECK_THAT(ReasonAgainst(run, scene, "editing"), Contains("no ground truth"));
+  CHECK_THAT(ReasonAgainst(run, scene, "editing"), HasText("no ground truth"));
   scene.val.clear();
-  CHECK_THAT(ReasonAgainst(run, scene, "interpolation"), Contains("no held-out frames"));
+  CHECK_THAT(ReasonAgainst(run, scene, "interpolation"), HasText("no held-out frames"));
 }
 
 TEST_CASE("another scene than the run's is refused") {
@@ -123,5 +123,5 @@ TEST_CASE("another scene than the run's is refused") {
   EvaluationRequest request;
   request.protocols = {"reconstruction"};
   scene.train.pop_back();
-  CHECK_THROWS_WITH(EvaluateRun(run, scene, request), Contains("training frames differ"));
+  CHECK_THROWS_WITH(EvaluateRun(run, scene, request), HasText("training frames differ"));
 }

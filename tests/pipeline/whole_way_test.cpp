@@ -73,7 +73,7 @@ TEST_CASE("the whole way leads from a scene folder to a report, and is not walke
   CHECK(fs::last_write_time(request.work / "run" / "checkpoint.safetensors") == trained);
 
   request.config.train.learning_rate *= 2;
-  CHECK_THROWS_WITH(RunWholeWay(request), Catch::Contains("begun with another configuration"));
+  CHECK_THROWS_WITH(RunWholeWay(request), HasText("begun with another configuration"));
 
   const Run run = LoadRun(request.work / "run");
   RenderOutput output;
@@ -90,5 +90,5 @@ TEST_CASE("the whole way names an input that is not there") {
   WholeWayRequest request;
   request.input = scratch.path() / "clip.mp4";
   request.work = scratch.path() / "work";
-  CHECK_THROWS_WITH(RunWholeWay(request), Catch::Contains("clip.mp4: no such file or folder"));
+  CHECK_THROWS_WITH(RunWholeWay(request), HasText("clip.mp4: no such file or folder"));
 }

@@ -30,5 +30,5 @@ TEST_CASE("a scene without its pixels survives the way through JSON") {
 
 TEST_CASE("a damaged scene description is refused by name") {
   CHECK_THROWS_AS(SceneFromJson("{", "RUN/checkpoint"), DataError);
-  CHECK_THROWS_WITH(SceneFromJson("{}", "RUN/checkpoint"), Catch::Contains("RUN/checkpoint: not a scene description"));
+  CHECK_THROWS_WITH(SceneFromJson("{}", "RUN/checkpoint"), HasText("RUN/checkpoint: not a scene description"));
 }

@@ -3,13 +3,10 @@
 #include <filesystem>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/imaging/key_point_files.h"
 #include "libeditnerf/tracking/detection_pictures.h"
 #include "moving_spheres.h"
 #include "tests/catch.h"
-
-#if __has_include("libeditnerf/imaging/key_point_files.h")
-#include "libeditnerf/imaging/key_point_files.h"
-#endif
 
 using namespace editnerf;
 
@@ -41,7 +38,6 @@ TEST_CASE("a detection run refines its tracks and draws its pictures") {
   CHECK(variance.to(torch::kFloat32).std().item<double>() > 1);
   CHECK(tracks.sizes() == torch::IntArrayRef({2 * 240, 3 * 320, 3}));
 
-#if __has_include("libeditnerf/imaging/key_point_files.h")
   const std::filesystem::path folder = std::filesystem::temp_directory_path() / "editnerf_detection_run_test";
   std::filesystem::remove_all(folder);
   WriteDetection(clip.scene, clip.maps, run, folder);
@@ -52,7 +48,6 @@ TEST_CASE("a detection run refines its tracks and draws its pictures") {
   for (const char* name : {"detection.json", "variance.png", "tracks.png"})
     CHECK(std::filesystem::file_size(folder / "data" / name) > 100);
   std::filesystem::remove_all(folder);
-#endif
 }
 
 TEST_CASE("pictures of a detection without key points are drawn too") {
