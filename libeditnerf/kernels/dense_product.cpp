@@ -102,7 +102,9 @@ namespace editnerf {
 
 HWY_EXPORT(MultiplyBy);
 
-void MultiplyDense(const DenseProduct& product, DenseResult result) { HWY_DYNAMIC_DISPATCH(MultiplyBy)(product, result); }
+void MultiplyDense(const DenseProduct& product, DenseResult result) {
+  HWY_DYNAMIC_DISPATCH(MultiplyBy)(product, result);
+}
 
 }  // namespace editnerf
 #endif

@@ -172,17 +172,16 @@ class Tile {
   }
 
   const std::vector<Layer>& layers_;
-  std::vector<float> input_;                      // [kTile, in]
-  std::vector<std::vector<float>> activations_;   // [kTile, padded_out] of every layer
-  std::vector<float> gradient_, next_gradient_;   // [kTile, padded_out] of the layer at hand
+  std::vector<float> input_;                     // [kTile, in]
+  std::vector<std::vector<float>> activations_;  // [kTile, padded_out] of every layer
+  std::vector<float> gradient_, next_gradient_;  // [kTile, padded_out] of the layer at hand
 };
 
 // body(tile, first row, rows) for all tiles of `count` samples, and done(index of the range) after each range.
 template <class Body>
 void ForTiles(int64_t count, const Body& body) {
-  ParallelFor((count + kTile - 1) / kTile, 8, [&](int64_t begin, int64_t end) {
-    body(begin * kTile, std::min(count, end * kTile));
-  });
+  ParallelFor((count + kTile - 1) / kTile, 8,
+              [&](int64_t begin, int64_t end) { body(begin * kTile, std::min(count, end * kTile)); });
 }
 
 MlpLayers LayersFrom(const std::vector<at::Tensor>& tensors, size_t first, bool linear_output) {
@@ -340,9 +339,9 @@ at::Tensor FusedMlp(const std::vector<at::Tensor>& inputs, const MlpLayers& laye
   for (const at::Tensor& tensor : tensors) packed.push_back(tensor.detach().contiguous());
   const std::vector<at::Tensor> rows(packed.begin(), packed.begin() + static_cast<int64_t>(inputs.size()));
   at::Tensor out = Evaluate(rows, PackLayers(LayersFrom(packed, inputs.size(), layers.linear_output)));
-  const bool differentiable = at::GradMode::is_enabled() && std::any_of(tensors.begin(), tensors.end(), [](const auto& t) {
-                                return t.requires_grad();
-                              });
+  const bool differentiable =
+      at::GradMode::is_enabled() &&
+      std::any_of(tensors.begin(), tensors.end(), [](const auto& t) { return t.requires_grad(); });
   if (!differentiable) return out;
   // Saved as they came: an inner node's output, not a copy that leads nowhere.
   const std::shared_ptr<FusedMlpNode> node(new FusedMlpNode(tensors, inputs.size(), layers.linear_output),

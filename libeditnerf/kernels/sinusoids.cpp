@@ -10,9 +10,9 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "libeditnerf/kernels/sinusoids.cpp"  // compiled once for every target
+#include <hwy/contrib/math/math-inl.h>
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
-#include <hwy/contrib/math/math-inl.h>
 
 HWY_BEFORE_NAMESPACE();
 namespace editnerf {
@@ -43,7 +43,8 @@ HWY_EXPORT(SinCos);
 
 constexpr int64_t kTile = 256;  // coordinates
 
-void EncodeRows(const float* x, int64_t rows, int64_t dim, const std::vector<float>& weights, bool identity, float* out) {
+void EncodeRows(const float* x, int64_t rows, int64_t dim, const std::vector<float>& weights, bool identity,
+                float* out) {
   const auto octaves = static_cast<int64_t>(weights.size());
   const int64_t width = dim * (2 * octaves + (identity ? 1 : 0)), first_wave = identity ? dim : 0;
   float phase[kTile], sine[kTile], cosine[kTile];

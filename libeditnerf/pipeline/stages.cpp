@@ -2,11 +2,14 @@
 
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/progress.h"
 #include "libeditnerf/config/yaml.h"
+#include "libeditnerf/evaluation/depth_error.h"
+#include "libeditnerf/imaging/json_file.h"
 #include "libeditnerf/imaging/key_point_files.h"
 #include "libeditnerf/imaging/scene_folder.h"
 #include "libeditnerf/render/image_renderer.h"
@@ -24,6 +27,16 @@ std::vector<std::string> TrainingIds(const Scene& scene) {
   std::vector<std::string> ids;
   for (const int64_t frame : scene.train) ids.push_back(scene.frames[static_cast<size_t>(frame)].id);
   return ids;
+}
+
+void WriteDepthErrors(const std::vector<DepthError>& errors, const fs::path& path) {
+  nlohmann::ordered_json json;
+  for (const DepthError& error : errors) {
+    LogInfo("depth of {}: median error {:.2g} %, 90th percentile {:.2g} %", error.part, 100 * error.median,
+            100 * error.percentile90);
+    json[error.part] = {{"median", error.median}, {"percentile90", error.percentile90}, {"pixels", error.pixels}};
+  }
+  WriteJson(path, json);
 }
 
 // A resumed run must be of this scene; its limits of steps and seconds are those asked for now.
@@ -122,7 +135,9 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
 
 void RunPretraining(const Scene& scene, const StageRequest& request) {
   Run run = TrainStage(scene, request, FieldStage::kPretrain, torch::Tensor(), std::nullopt);
-  WritePretrainedMaps(RenderSurfaceMaps(run, scene), scene, request.out);
+  const PretrainedMaps maps = RenderSurfaceMaps(run, scene);
+  WritePretrainedMaps(maps, scene, request.out);
+  if (scene.truth) WriteDepthErrors(MeasureDepthErrors(maps.depth, scene), request.out / "depth_error.json");
 }
 
 DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const fs::path& folder) {

@@ -11,6 +11,7 @@
 #include "libeditnerf/base/interrupt.h"
 #include "libeditnerf/base/progress.h"
 #include "libeditnerf/tracking/motion_evidence.h"
+#include "libeditnerf/tracking/track_refinement.h"
 #include "libeditnerf/tracking/track_relation.h"
 
 namespace editnerf {
@@ -18,14 +19,19 @@ namespace {
 
 constexpr size_t kCandidatesPerKeyPoint = 4;  // maxima examined for each key point that may be kept
 constexpr size_t kReferenceTrials = 4;        // reference frames tried for each candidate
-constexpr double kLeastMovingShare = 0.05;    // of the visible frames
+constexpr double kLeastMovingShare = 0.15;    // of the visible frames
 constexpr int64_t kLeastMovingFrames = 3;
 constexpr int64_t kLeastVisibleFrames = 4;
-constexpr double kLeastRange = 0.01;  // of the point's median distance from the camera
-constexpr double kNoiseFactor = 4;    // motion range over noise
-constexpr int64_t kLargestSnap = 12;  // pixels
-constexpr double kFlowSupport = 5;    // pixels
-constexpr double kEdge = 0.02;        // depth difference over two pixels that makes an edge, share of the depth
+constexpr double kLeastVisibleShare = 0.15;  // of all frames
+constexpr double kLeastOwnMotion = 0.4;      // pixels a frame at 320 wide
+constexpr double kLeastMotionShare = 0.55;   // of the strongest part's
+constexpr double kLeastRange = 0.01;         // of the point's median distance from the camera
+constexpr double kNoiseFactor = 4;           // motion range over noise
+constexpr double kSurfaceShare = 0.05;       // of the distance, within which a depth map shows the same surface
+constexpr double kMostStatic = 0.35;         // of the frames; wrong depths lie above 0.4, right ones below 0.3
+constexpr int64_t kLargestSnap = 12;         // pixels
+constexpr double kFlowSupport = 5;           // pixels
+constexpr double kEdge = 0.02;               // depth difference over two pixels that makes an edge, share of the depth
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
 
@@ -40,9 +46,11 @@ struct Candidate {
   VolumeMaximum maximum;
   Start start;
   PixelTrack pixels;
-  PointTrack track;
-  TrackMotion motion;
-  std::string objection;  // why it is no key point of its own; empty for those that are
+  PointTrack track, refined;
+  TrackMotion motion;              // of the refined track
+  bool on_static_surface = false;  // all along its track
+  std::vector<Pixel> own_motion;   // T - 1, in the image beyond what the camera explains; NaN where not visible
+  std::string objection;           // why it is no key point of its own; empty for those that are
 };
 
 std::string Place(const Vec3& p) { return fmt::format("({:.3f}, {:.3f}, {:.3f})", p.x, p.y, p.z); }
@@ -67,11 +75,19 @@ class Detector {
     candidate.maximum = maximum;
     candidate.start = ChooseStart(std::move(starts));
     candidate.pixels = Propagate(clip_, &direct_, candidate.start.frame, candidate.start.pixel, options_, &motion_);
+    candidate.on_static_surface = !DropStaticDepths(&candidate.pixels);
     candidate.track = Lift(candidate.pixels);
-    candidate.motion = MeasureTrackMotion(candidate.track);
+    // What a track says of its part is read off the refined one: lifted by depth maps alone, a part's points scatter
+    // along their rays while it moves.
+    candidate.refined = candidate.track;
+    candidate.refined.position = RefineTrack(clip_, candidate.track, candidate.pixels).position;
+    candidate.motion = MeasureTrackMotion(candidate.refined);
+    candidate.own_motion = OwnMotion(candidate);
     candidate.objection = Objection(candidate);
     return candidate;
   }
+
+  double PixelScale() const { return clip_.PixelScale(); }
 
   Vec3 Reference(const Candidate& candidate) const {
     return clip_.Lift(candidate.start.frame, candidate.start.pixel, candidate.start.distance);
@@ -163,10 +179,58 @@ class Detector {
     return best;
   }
 
+  std::vector<Pixel> OwnMotion(const Candidate& candidate) const {
+    std::vector<Pixel> motion(At(clip_.num_frames() - 1), Pixel{NAN, NAN});
+    for (int64_t t = 0; t + 1 < clip_.num_frames(); ++t) {
+      if (!candidate.pixels.visible[At(t)] || !candidate.pixels.visible[At(t + 1)]) continue;
+      const Pixel &now = candidate.pixels.pixel[At(t)], &next = candidate.pixels.pixel[At(t + 1)];
+      const double distance = Norm(candidate.refined.position[At(t)] - clip_.cameras[At(t)].position);
+      const Projected still = Project(clip_.cameras[At(t + 1)], clip_.Lift(t, now, distance));
+      if (still.valid) motion[At(t)] = {next.u - still.u, next.v - still.v};
+    }
+    return motion;
+  }
+
+  // Takes away the depths at which the static scene lies. A pretrained field that sees a moving part at each place only
+  // once may paint it onto the background (the monocular ambiguity): there the frames around see a surface that follows
+  // the cameras alone, where a place that the part really takes looks disturbed. Where too few depths would be left,
+  // all stay, and the answer is false.
+  bool DropStaticDepths(PixelTrack* track) const {
+    std::vector<double> kept = track->distance;
+    int64_t left = 0;
+    for (int64_t t = 0; t < clip_.num_frames(); ++t) {
+      double& distance = kept[At(t)];
+      if (!std::isfinite(distance)) continue;
+      if (StaticShare(clip_.Lift(t, track->pixel[At(t)], distance)) > kMostStatic) {
+        distance = NAN;
+      } else {
+        ++left;
+      }
+    }
+    if (left < kLeastVisibleFrames) return false;
+    track->distance = kept;
+    return true;
+  }
+
+  // Of the frames that see a surface at the point, the share in which it moves with the static scene.
+  double StaticShare(const Vec3& point) const {
+    int64_t still = 0, seen = 0;
+    for (int64_t t = 0; t < clip_.num_frames(); ++t) {
+      const Projected projected = Project(clip_.cameras[At(t)], point);
+      const Pixel pixel = {projected.u, projected.v};
+      if (!projected.valid || !clip_.Inside(pixel)) continue;
+      const double phi = Norm(point - clip_.cameras[At(t)].position);
+      if (!(std::abs(LocalDepth(clip_.depth[At(t)], pixel, 0) - phi) <= kSurfaceShare * phi)) continue;
+      ++seen;
+      if (motion_.At(t, pixel) < 1) ++still;
+    }
+    return seen > 0 ? static_cast<double>(still) / static_cast<double>(seen) : 0;
+  }
+
   int64_t CountMoving(const PixelTrack& track) const {
     int64_t moving = 0;
     for (int64_t t = 0; t < clip_.num_frames(); ++t)
-      if (std::isfinite(track.distance[At(t)]) && motion_.At(t, track.pixel[At(t)]) >= 1) ++moving;
+      if (track.visible[At(t)] && motion_.At(t, track.pixel[At(t)]) >= 1) ++moving;
     return moving;
   }
 
@@ -215,13 +279,18 @@ class Detector {
     std::vector<double> distances;
     for (const double distance : candidate.pixels.distance)
       if (std::isfinite(distance)) distances.push_back(distance);
-    const auto seen = static_cast<int64_t>(distances.size());
-    if (seen < kLeastVisibleFrames) return fmt::format("its track is visible in {} frames only", seen);
+    const int64_t seen = candidate.pixels.CountVisible();
+    const double share = static_cast<double>(seen) / static_cast<double>(clip_.num_frames());
+    if (seen < kLeastVisibleFrames || share < kLeastVisibleShare) {
+      return fmt::format("its track is visible in {} frames only", seen);
+    }
     if (moving < kLeastMovingFrames || static_cast<double>(moving) < kLeastMovingShare * static_cast<double>(seen)) {
       return fmt::format("the surface there moves against the static scene in {} of {} frames only", moving, seen);
     }
-    std::nth_element(distances.begin(), distances.begin() + seen / 2, distances.end());
-    const double least = std::max(kLeastRange * distances[At(seen / 2)], kNoiseFactor * candidate.motion.noise);
+    const auto middle = distances.begin() + static_cast<int64_t>(distances.size() / 2);
+    if (distances.empty()) return "no depth is known along its track";
+    std::nth_element(distances.begin(), middle, distances.end());
+    const double least = std::max(kLeastRange * *middle, kNoiseFactor * candidate.motion.noise);
     if (candidate.motion.range < least) {
       return fmt::format("its track moves by {:.4f} scene units, less than {:.4f}, which noise explains",
                          candidate.motion.range, least);
@@ -236,14 +305,74 @@ class Detector {
   PropagationOptions options_;
 };
 
-// Objections to candidates that lie on the same part as a stronger one.
+// How far a point moves from frame to frame, in pixels, while it moves: the upper quartile of its own motion.
+double MotionStrength(const Candidate& candidate) {
+  std::vector<double> lengths;
+  for (const Pixel& p : candidate.own_motion)
+    if (std::isfinite(p.u)) lengths.push_back(std::hypot(p.u, p.v));
+  if (lengths.empty()) return 0;
+  const auto quartile = lengths.begin() + static_cast<int64_t>(lengths.size() * 3 / 4);
+  std::nth_element(lengths.begin(), quartile, lengths.end());
+  return *quartile;
+}
+
+// Objections to candidates that hardly move beside the strongest: shadows and what lies around moving parts, whose flow
+// is disturbed, also differ from the static scene.
+void RejectWeakMotion(std::vector<Candidate>* candidates, double pixel_scale) {
+  double strongest = 0;
+  for (const Candidate& candidate : *candidates)
+    if (candidate.objection.empty()) strongest = std::max(strongest, MotionStrength(candidate));
+  const double least = std::max(kLeastOwnMotion * pixel_scale, kLeastMotionShare * strongest);
+  for (Candidate& candidate : *candidates) {
+    const double strength = MotionStrength(candidate);
+    if (!candidate.objection.empty() || strength >= least) continue;
+    candidate.objection =
+        fmt::format("it moves by {:.2f} pixels a frame, and the strongest by {:.2f}", strength, strongest);
+  }
+}
+
+// Objections to what moves on static surfaces, as shadows do, where other candidates have surfaces of their own.
+void RejectShadows(std::vector<Candidate>* candidates) {
+  const bool any_surface = std::any_of(candidates->begin(), candidates->end(), [](const Candidate& candidate) {
+    return candidate.objection.empty() && !candidate.on_static_surface;
+  });
+  for (Candidate& candidate : *candidates) {
+    if (!any_surface || !candidate.objection.empty() || !candidate.on_static_surface) continue;
+    candidate.objection = "what moves there lies on the static scene, as a shadow does";
+  }
+}
+
+// Whether two tracks move together in the image: on one part, whatever the depth maps say of it.
+bool MoveTogether(const Candidate& a, const Candidate& b) {
+  constexpr int kLeastFrames = 5;
+  constexpr double kLeastCorrelation = 0.7;
+  double aa = 0, bb = 0, ab = 0;
+  int frames = 0;
+  for (size_t t = 0; t < a.own_motion.size(); ++t) {
+    const Pixel &p = a.own_motion[t], &q = b.own_motion[t];
+    if (!std::isfinite(p.u) || !std::isfinite(q.u)) continue;
+    aa += p.u * p.u + p.v * p.v, bb += q.u * q.u + q.v * q.v, ab += p.u * q.u + p.v * q.v;
+    ++frames;
+  }
+  return frames >= kLeastFrames && ab > kLeastCorrelation * std::sqrt(aa * bb);
+}
+
+// Objections to candidates that lie on the same part as another one. Of one part the track that is visible longest
+// stays: it needs the least guessing.
 void MergeDuplicates(std::vector<Candidate>* candidates, double merge_distance) {
-  for (size_t i = 0; i < candidates->size(); ++i) {
-    Candidate& weaker = (*candidates)[i];
-    for (size_t j = 0; j < i && weaker.objection.empty(); ++j) {
-      const Candidate& stronger = (*candidates)[j];
-      if (!stronger.objection.empty() || !SameRigidPart(stronger.track, weaker.track, merge_distance)) continue;
-      weaker.objection = fmt::format("it moves as one part with the stronger one at {}", Place(stronger.maximum.point));
+  std::vector<Candidate*> order;
+  for (Candidate& candidate : *candidates) order.push_back(&candidate);
+  std::stable_sort(order.begin(), order.end(), [](const Candidate* a, const Candidate* b) {
+    return a->pixels.CountVisible() > b->pixels.CountVisible();
+  });
+  for (size_t i = 0; i < order.size(); ++i) {
+    Candidate& shorter = *order[i];
+    for (size_t j = 0; j < i && shorter.objection.empty(); ++j) {
+      const Candidate& longer = *order[j];
+      if (!longer.objection.empty()) continue;
+      if (!MoveTogether(longer, shorter) && !SameRigidPart(longer.refined, shorter.refined, merge_distance)) continue;
+      shorter.objection =
+          fmt::format("it moves as one part with the one at {}, which is seen longer", Place(longer.maximum.point));
     }
   }
 }
@@ -340,6 +469,8 @@ Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const 
     progress.Update(static_cast<double>(i + 1));
   }
   progress.Finish();
+  RejectWeakMotion(&candidates, detector.PixelScale());
+  RejectShadows(&candidates);
   MergeDuplicates(&candidates, config.merge_distance);
   const std::vector<const Candidate*> kept = Select(candidates, config, &detection.notes);
   Store(kept, detector, frames, &detection);

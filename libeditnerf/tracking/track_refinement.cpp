@@ -167,10 +167,13 @@ class Refiner {
           robust(), point(t), point(t + 1));
     }
     for (int64_t t = 0; t < frames; ++t) {
-      if (!std::isfinite(distance_[At(t)])) continue;
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<GeometryTerm, 1, 3>(new GeometryTerm{
-                                   clip_.cameras[At(t)].position, distance_[At(t)], 1 / depth_deviation_}),
-                               robust(), point(t));
+      const Vec3& eye = clip_.cameras[At(t)].position;
+      const bool known = std::isfinite(distance_[At(t)]);
+      const double distance = known ? distance_[At(t)] : Norm(initial_.position[At(t)] - eye);
+      const double deviation = known ? depth_deviation_ : options_.guessed_depth_share * median_distance_;
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<GeometryTerm, 1, 3>(new GeometryTerm{eye, distance, 1 / deviation}), robust(),
+          point(t));
     }
     for (const SkipLink& link : pixels_.links) {
       if (!InFront(link.frame)) continue;

@@ -1,14 +1,15 @@
 // Robust least-squares smoothing of the key points' initial tracks, before training.
 //
 // For each key point the positions k_t of all T frames minimise, with a robust loss rho on every term,
-//   motion      | Pi_{t+1}(k_{t+1}) - Pi_t(k_t) - F_t^{t+1}(Pi_t(k_t)) |      L_motion of EditableNeRF (CVPR 2023),
-//   pixels geometry    | Phi_t(k_t) - D_t(Pi_t(k_t)) |                               L_geo, scene units skip        |
-//   Pi_t(k_t) - q_t |,  q_t by direct flow from t_ref           the links that propagation took, pixels smoothness  |
-//   k_{t-1} - 2 k_t + k_{t+1} |                                 scene units anchor      | k_tref - k_ref |, and weakly
-//   | k_t - initial k_t |
+//   motion      | Pi_{t+1}(k_{t+1}) - Pi_t(k_t) - F_t^{t+1}(Pi_t(k_t)) |   L_motion of EditableNeRF (CVPR 2023), pixels
+//   geometry    | Phi_t(k_t) - D_t(Pi_t(k_t)) |                            L_geo, scene units
+//   skip        | Pi_t(k_t) - q_t |,  q_t by direct flow from t_ref        the links that propagation took, pixels
+//   smoothness  | k_{t-1} - 2 k_t + k_{t+1} |                              scene units
+//   anchor      | k_tref - k_ref |, and weakly | k_t - initial k_t |
+//
 // each divided by its standard deviation (below). Motion, geometry and skip terms exist only where there is evidence;
-// where there is none the smoothness term, stiffened there, carries the track, and the anchors keep every problem
-// determined, whatever is missing.
+// where there is none the smoothness term, stiffened there, carries the track, a weak geometry term holds the distance
+// of the initial track, and the anchors keep every problem determined, whatever is missing.
 #pragma once
 
 #include <torch/types.h>
@@ -26,12 +27,13 @@ namespace editnerf {
 struct RefinementOptions {
   double motion_pixels = 0.5;
   double skip_pixels = 1.5;
-  double depth_share = 0.003;      // least deviation of D_t, of the depth; more where the track's own noise says so
-  double smoothness_pixels = 1.0;  // acceleration per frame^2 where visible
-  double unseen_smoothness = 0.3;  // times that where a frame has no evidence
-  double anchor_pixels = 0.5;      // at the reference frame
-  double prior_pixels = 30.0;      // elsewhere
-  int64_t rounds = 2;              // depths are looked up anew before each
+  double depth_share = 0.003;        // least deviation of D_t, of the depth; more where the track's own noise says so
+  double guessed_depth_share = 0.1;  // of the initial track's distance where there is no D_t
+  double smoothness_pixels = 1.0;    // acceleration per frame^2 where visible
+  double unseen_smoothness = 0.3;    // times that where a frame has no evidence
+  double anchor_pixels = 0.5;        // at the reference frame
+  double prior_pixels = 30.0;        // elsewhere
+  int64_t rounds = 2;                // depths are looked up anew before each
 };
 
 // Root mean squares over the terms that exist; 0 where there are none.

@@ -1,0 +1,30 @@
+#include "libeditnerf/evaluation/depth_error.h"
+
+#include <torch/torch.h>
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/shape.h"
+
+namespace editnerf {
+
+std::vector<DepthError> MeasureDepthErrors(const torch::Tensor& depth, const Scene& scene) {
+  if (!scene.truth) Throw<DataError>("scene '{}': measuring depth takes ground truth, and it has none", scene.name);
+  const auto frames = torch::tensor(scene.train, torch::kInt64);
+  const auto truth = scene.truth->depth.index_select(0, frames), mask = scene.truth->mask.index_select(0, frames);
+  CheckShape(depth, {truth.size(0), truth.size(1), truth.size(2)}, "depth");
+  const auto error = ((depth.to(torch::kFloat32) - truth).abs() / truth).nan_to_num(1.0);
+  std::vector<DepthError> errors;
+  for (size_t part = 0; part <= scene.truth->objects.size(); ++part) {
+    const auto here = torch::logical_and(mask == static_cast<int64_t>(part), truth.isfinite());
+    const auto own = std::get<0>(error.masked_select(here).sort());
+    const int64_t pixels = own.size(0);
+    if (pixels == 0) continue;
+    const auto at = [&](double share) {
+      return own[static_cast<int64_t>(share * static_cast<double>(pixels - 1))].item<double>();
+    };
+    errors.push_back({part == 0 ? "static" : scene.truth->objects[part - 1], at(0.5), at(0.9), pixels});
+  }
+  return errors;
+}
+
+}  // namespace editnerf

@@ -1,0 +1,25 @@
+// How far depth maps are from exact ones, for each part of a synthetic scene by itself: what key point detection stands
+// on is the depth of what moves, and the picture's PSNR does not show it.
+#pragma once
+
+#include <torch/types.h>
+
+#include <string>
+#include <vector>
+
+#include "libeditnerf/scene/scene.h"
+
+namespace editnerf {
+
+struct DepthError {
+  std::string part;  // "static", or the object's name
+  double median = 0, percentile90 = 0;  // |depth - truth| / truth; a pixel without a surface counts as 1
+  int64_t pixels = 0;
+};
+
+// depth [T, H, W], NaN where there is no surface, of the scene's training frames in order. Pixels at which the truth
+// hits nothing are left out, and so are parts without pixels. Throws DataError if the scene has no ground truth, and
+// ShapeError.
+std::vector<DepthError> MeasureDepthErrors(const torch::Tensor& depth, const Scene& scene);
+
+}  // namespace editnerf
