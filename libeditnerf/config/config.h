@@ -60,6 +60,7 @@ struct StageConfig {
   double final_learning_rate = 1e-4;     // to here, over `steps` (or `seconds`, whichever is nearer its end)
   double key_point_learning_rate = 1.0;  // multiplies the learning rate of the key point table
   double code_learning_rate = 1.0;       // multiplies the learning rate of the per-frame codes
+  double shape_learning_rate = 1.0;      // multiplies the learning rate of warp field, slices and weights
   double lambda_motion = 1e-4;           // of squared pixels at reference_width
   double reference_width = 320;          // image width that lambda_motion's pixels refer to
   double lambda_geometry = 0.5;
@@ -82,6 +83,8 @@ struct StageConfig {
     v("final_learning_rate", final_learning_rate, "learning rate at the end of the exponential schedule", Positive());
     v("key_point_learning_rate", key_point_learning_rate, "factor on the learning rate for key points", AtLeast(0));
     v("code_learning_rate", code_learning_rate, "factor on the learning rate for per-frame codes", AtLeast(0));
+    v("shape_learning_rate", shape_learning_rate,
+      "factor on the learning rate for the warp field, the slicing and the weight network", AtLeast(0));
     v("lambda_motion", lambda_motion, "weight of the motion loss, per squared pixel at reference_width", AtLeast(0));
     v("reference_width", reference_width, "image width to which lambda_motion's pixels refer", Positive());
     v("lambda_geometry", lambda_geometry, "weight of the geometry loss", AtLeast(0));

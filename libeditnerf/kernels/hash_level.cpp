@@ -15,8 +15,9 @@ namespace hn = hwy::HWY_NAMESPACE;
 using FloatTag = hn::CappedTag<float, 16>;
 using IntTag = hn::Rebind<int32_t, FloatTag>;
 using WordTag = hn::Rebind<uint32_t, FloatTag>;
-using PairTag = hn::FixedTag<float, 4>;  // two neighbours along the first axis, two features each
-using Pair = hn::Vec<PairTag>;
+// Two neighbours along the first axis, two features each. Highway has no vectors of four where there is no SIMD at all,
+// but compilers do.
+using Pair = float __attribute__((vector_size(16)));
 
 // Where the cells of a tile lie in a level. Of the four edges of a cell along the first axis, edge jk has the upper
 // neighbour along the second axis where jk & 1, and along the third where jk & 2.
@@ -58,40 +59,41 @@ HWY_INLINE void FindCells(const HashTile& tile, const hash_index::Level& level, 
   }
 }
 
+HWY_INLINE Pair Load(const float* from) {
+  Pair pair;
+  __builtin_memcpy(&pair, from, sizeof(pair));
+  return pair;
+}
+
+HWY_INLINE Pair Repeat(float x) { return Pair{x, x, x, x}; }
+
 // Both ends of an edge. The upper end follows in memory but for the last entry, whose neighbour is the first.
 HWY_INLINE Pair LoadEdge(const float* features, uint32_t entry, uint32_t mask) {
-  const PairTag tag;
-  if (HWY_LIKELY(entry != mask)) return hn::LoadU(tag, features + 2 * static_cast<size_t>(entry));
-  HWY_ALIGN float both[4] = {features[2 * static_cast<size_t>(entry)], features[2 * static_cast<size_t>(entry) + 1],
-                             features[0], features[1]};
-  return hn::Load(tag, both);
+  const float* const at = features + 2 * static_cast<size_t>(entry);
+  if (HWY_LIKELY(entry != mask)) return Load(at);
+  return Pair{at[0], at[1], features[0], features[1]};
 }
 
 HWY_INLINE void AddToEdge(Pair value, float* features, uint32_t entry, uint32_t mask) {
-  const PairTag tag;
   float* const at = features + 2 * static_cast<size_t>(entry);
   if (HWY_LIKELY(entry != mask)) {
-    hn::StoreU(hn::Add(hn::LoadU(tag, at), value), tag, at);
+    const Pair sum = Load(at) + value;
+    __builtin_memcpy(at, &sum, sizeof(sum));
     return;
   }
-  HWY_ALIGN float both[4];
-  hn::Store(value, tag, both);
-  at[0] += both[0], at[1] += both[1];
-  features[0] += both[2], features[1] += both[3];
+  at[0] += value[0], at[1] += value[1];
+  features[0] += value[2], features[1] += value[3];
 }
 
 void Encode(const HashTile& tile, const HashLevel& where, const float* features, float* out, int64_t stride) {
   const hash_index::Level level(where.resolution, where.table_size);
   Cells cells;
   FindCells(tile, level, where.resolution, cells);
-  const PairTag tag;
   for (int64_t s = 0; s < tile.count; ++s) {
-    Pair sum = hn::Zero(tag);
+    Pair ends = {};
     for (int jk = 0; jk < 4; ++jk) {
-      sum = hn::MulAdd(LoadEdge(features, cells.entry[jk][s], level.mask), hn::Set(tag, cells.weight[jk][s]), sum);
+      ends += LoadEdge(features, cells.entry[jk][s], level.mask) * Repeat(cells.weight[jk][s]);
     }
-    HWY_ALIGN float ends[4];
-    hn::Store(sum, tag, ends);
     const float upper = cells.fraction[0][s];
     out[s * stride] = ends[0] + upper * (ends[2] - ends[0]);
     out[s * stride + 1] = ends[1] + upper * (ends[3] - ends[1]);
@@ -102,15 +104,13 @@ void Scatter(const HashTile& tile, const HashLevel& where, const float* grad, in
   const hash_index::Level level(where.resolution, where.table_size);
   Cells cells;
   FindCells(tile, level, where.resolution, cells);
-  const PairTag tag;
   for (int64_t s = 0; s < tile.count; ++s) {
     const float g0 = grad[s * stride], g1 = grad[s * stride + 1];
     if (g0 == 0 && g1 == 0) continue;  // behind the surface
     const float upper = cells.fraction[0][s], lower = 1 - upper;
-    HWY_ALIGN const float ends[4] = {g0 * lower, g1 * lower, g0 * upper, g1 * upper};
-    const Pair value = hn::Load(tag, ends);
+    const Pair value = {g0 * lower, g1 * lower, g0 * upper, g1 * upper};
     for (int jk = 0; jk < 4; ++jk) {
-      AddToEdge(hn::Mul(value, hn::Set(tag, cells.weight[jk][s])), grad_features, cells.entry[jk][s], level.mask);
+      AddToEdge(value * Repeat(cells.weight[jk][s]), grad_features, cells.entry[jk][s], level.mask);
     }
   }
 }
@@ -121,15 +121,13 @@ void Slope(const HashTile& tile, const HashLevel& where, const float* features, 
   Cells cells;
   FindCells(tile, level, where.resolution, cells);
   const auto scale = static_cast<float>(where.resolution);
-  const PairTag tag;
   for (int64_t s = 0; s < tile.count; ++s) {
     const float g0 = grad[s * stride], g1 = grad[s * stride + 1];
     if (g0 == 0 && g1 == 0) continue;
     const float x = cells.fraction[0][s], y = cells.fraction[1][s], z = cells.fraction[2][s];
     float along = 0, edge[4];
     for (int jk = 0; jk < 4; ++jk) {
-      HWY_ALIGN float ends[4];
-      hn::Store(LoadEdge(features, cells.entry[jk][s], level.mask), tag, ends);
+      const Pair ends = LoadEdge(features, cells.entry[jk][s], level.mask);
       const float low = g0 * ends[0] + g1 * ends[1], high = g0 * ends[2] + g1 * ends[3];
       along += cells.weight[jk][s] * (high - low);
       edge[jk] = low + x * (high - low);

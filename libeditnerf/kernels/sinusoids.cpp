@@ -10,9 +10,11 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "libeditnerf/kernels/sinusoids.cpp"  // compiled once for every target
+// clang-format off
+#include <hwy/foreach_target.h>  // before all other headers of Highway
 #include <hwy/contrib/math/math-inl.h>
-#include <hwy/foreach_target.h>
 #include <hwy/highway.h>
+// clang-format on
 
 HWY_BEFORE_NAMESPACE();
 namespace editnerf {

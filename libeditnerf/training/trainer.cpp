@@ -47,8 +47,15 @@ const StageConfig& StageOf(const Run& run) {
 
 bool Contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
 
+// The networks that bend, slice and divide space. At the rate of the hash encodings' small networks their neurons die:
+// the ambient coordinates of a scene that moves became one constant in about every third pretraining.
+bool IsShape(const std::string& name) {
+  return name.rfind("warp.", 0) == 0 || name.rfind("slicing.", 0) == 0 || name.rfind("weights.", 0) == 0;
+}
+
 std::vector<AdamGroup> Groups(const HyperspaceField& field, const StageConfig& stage) {
-  AdamGroup networks, tables, codes, key_points;
+  AdamGroup networks, shape, tables, codes, key_points;
+  shape.learning_rate_factor = stage.shape_learning_rate;
   tables.skip_untouched = true;
   codes.learning_rate_factor = stage.code_learning_rate;
   key_points.learning_rate_factor = stage.key_point_learning_rate;
@@ -56,10 +63,11 @@ std::vector<AdamGroup> Groups(const HyperspaceField& field, const StageConfig& s
     AdamGroup& group = Contains(item.key(), "codes.")        ? codes
                        : Contains(item.key(), "key_points.") ? key_points
                        : Contains(item.key(), "_table")      ? tables
+                       : IsShape(item.key())                 ? shape
                                                              : networks;
     group.parameters.emplace_back(item.key(), item.value());
   }
-  return {networks, tables, codes, key_points};
+  return {networks, shape, tables, codes, key_points};
 }
 
 AdamOptions OptionsOf(const Config& config) {
