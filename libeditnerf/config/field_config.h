@@ -40,6 +40,7 @@ struct WeightNetworkConfig {
   int64_t depth = 4;
   int64_t width = 32;
   double output_init = 1e-5;  // standard deviation of the output layer: training starts at equal weights
+  double distance_prior = 0;  // on the distances from the key points' initial tracks; 0: none, as in the paper
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -47,6 +48,9 @@ struct WeightNetworkConfig {
     v("depth", depth, "hidden layers", Between(1, 32));
     v("width", width, "neurons per hidden layer", Between(1, 4096));
     v("output_init", output_init, "standard deviation of the output layer's initial weights", AtLeast(0));
+    v("distance_prior", distance_prior,
+      "by how much logits start lower one track spacing away from a key point's initial track; 0 for equal weights",
+      Between(0, 100));
   }
 };
 

@@ -69,7 +69,9 @@ HyperspaceField::HyperspaceField(const HyperspaceFieldOptions& options) : option
       key_points_ = KeyPointTable(num_frames, num_key_points);
     }
     register_module("key_points", key_points_);
-    if (num_key_points > 1) weights_ = register_module("weights", WeightNetwork(config.weights, num_key_points));
+    if (num_key_points > 1) {
+      weights_ = register_module("weights", WeightNetwork(config.weights, num_key_points, options_.initial_tracks));
+    }
     ambient_dim = 3;
   }
   options_.initial_tracks = torch::Tensor();

@@ -24,6 +24,7 @@ constexpr int64_t kLeastMovingFrames = 3;
 constexpr int64_t kLeastVisibleFrames = 4;
 constexpr double kLeastVisibleShare = 0.15;  // of all frames
 constexpr double kLeastOwnMotion = 0.4;      // pixels a frame at 320 wide
+constexpr double kFlowPrecision = 0.3;       // pixels, whatever the image's size
 constexpr double kLeastMotionShare = 0.55;   // of the strongest part's
 constexpr double kLeastRange = 0.01;         // of the point's median distance from the camera
 constexpr double kNoiseFactor = 4;           // motion range over noise
@@ -322,7 +323,7 @@ void RejectWeakMotion(std::vector<Candidate>* candidates, double pixel_scale) {
   double strongest = 0;
   for (const Candidate& candidate : *candidates)
     if (candidate.objection.empty()) strongest = std::max(strongest, MotionStrength(candidate));
-  const double least = std::max(kLeastOwnMotion * pixel_scale, kLeastMotionShare * strongest);
+  const double least = std::max({kLeastOwnMotion * pixel_scale, kFlowPrecision, kLeastMotionShare * strongest});
   for (Candidate& candidate : *candidates) {
     const double strength = MotionStrength(candidate);
     if (!candidate.objection.empty() || strength >= least) continue;

@@ -88,3 +88,25 @@ TEST_CASE("a weight network for one key point is refused, as are wrong shapes") 
   CHECK_THROWS_WITH(Randomised(2)->forward(torch::zeros({4, 2}, torch::kFloat64)),
                     "x_canonical: expected a last dimension of 3, found [4, 2]");
 }
+
+TEST_CASE("with a distance prior the weights start with the key point whose track is nearest") {
+  WeightNetworkConfig config;
+  config.distance_prior = 8;
+  // Two parts that move along x, one above the other.
+  const auto along = torch::linspace(0, 1, 20);
+  const auto track = [&](double z) { return torch::stack({along, along * 0, torch::full({20}, z)}, 1); };
+  WeightNetwork network(config, 2, torch::stack({track(0), track(0.5)}, 1));
+  const auto at = [&](double x, double z) {
+    return network->forward(torch::tensor({{x, 0.0, z}}, torch::kFloat32))[0][0].item<double>();
+  };
+  CHECK(at(0.3, 0.0) > 0.9);
+  CHECK(at(0.9, 0.5) < 0.1);
+  CHECK(at(0.5, 0.25) == Approx(0.5).margin(1e-3));
+  // What a checkpoint brings.
+  WeightNetwork loaded(config, 2);
+  for (const auto& buffer : network->named_buffers()) loaded->named_buffers()[buffer.key()].copy_(buffer.value());
+  const torch::NoGradGuard no_grad;
+  for (const auto& item : network->named_parameters()) loaded->named_parameters()[item.key()].copy_(item.value());
+  const auto x = torch::rand({5, 3});
+  CHECK(loaded->forward(x).equal(network->forward(x)));
+}
