@@ -289,7 +289,9 @@ class Detector {
       return fmt::format("the surface there moves against the static scene in {} of {} frames only", moving, seen);
     }
     const auto middle = distances.begin() + static_cast<int64_t>(distances.size() / 2);
-    if (distances.empty()) return "no depth is known along its track";
+    if (static_cast<int64_t>(distances.size()) < kLeastVisibleFrames) {
+      return fmt::format("its depth is known in {} frames only", distances.size());
+    }
     std::nth_element(distances.begin(), middle, distances.end());
     const double least = std::max(kLeastRange * *middle, kNoiseFactor * candidate.motion.noise);
     if (candidate.motion.range < least) {
@@ -343,19 +345,22 @@ void RejectShadows(std::vector<Candidate>* candidates) {
   }
 }
 
-// Whether two tracks move together in the image: on one part, whatever the depth maps say of it.
+// Whether two tracks move together in the image: on one part, whatever the depth maps say of it. Tracks that are not
+// seen together (an upper and an under side) are taken for one part where they pass each other nearer than they move.
 bool MoveTogether(const Candidate& a, const Candidate& b) {
   constexpr int kLeastFrames = 5;
   constexpr double kLeastCorrelation = 0.7;
-  double aa = 0, bb = 0, ab = 0;
+  double aa = 0, bb = 0, ab = 0, nearest = std::numeric_limits<double>::infinity();
   int frames = 0;
   for (size_t t = 0; t < a.own_motion.size(); ++t) {
+    nearest = std::min(nearest, Norm(a.refined.position[t] - b.refined.position[t]));
     const Pixel &p = a.own_motion[t], &q = b.own_motion[t];
     if (!std::isfinite(p.u) || !std::isfinite(q.u)) continue;
     aa += p.u * p.u + p.v * p.v, bb += q.u * q.u + q.v * q.v, ab += p.u * q.u + p.v * q.v;
     ++frames;
   }
-  return frames >= kLeastFrames && ab > kLeastCorrelation * std::sqrt(aa * bb);
+  if (frames < kLeastFrames) return nearest < std::min(a.motion.range, b.motion.range);
+  return ab > kLeastCorrelation * std::sqrt(aa * bb);
 }
 
 // Objections to candidates that lie on the same part as another one. Of one part the track that is visible longest
