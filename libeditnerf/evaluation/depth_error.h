@@ -12,7 +12,7 @@
 namespace editnerf {
 
 struct DepthError {
-  std::string part;  // "static", or the object's name
+  std::string part;                     // "static", or the object's name
   double median = 0, percentile90 = 0;  // |depth - truth| / truth; a pixel without a surface counts as 1
   int64_t pixels = 0;
 };

@@ -48,7 +48,7 @@ struct Candidate {
   Start start;
   PixelTrack pixels;
   PointTrack track, refined;
-  TrackMotion motion;              // of the refined track
+  TrackMotion motion;              // of the refined track, with the noise of the other
   bool on_static_surface = false;  // all along its track
   std::vector<Pixel> own_motion;   // T - 1, in the image beyond what the camera explains; NaN where not visible
   std::string objection;           // why it is no key point of its own; empty for those that are
@@ -83,6 +83,7 @@ class Detector {
     candidate.refined = candidate.track;
     candidate.refined.position = RefineTrack(clip_, candidate.track, candidate.pixels).position;
     candidate.motion = MeasureTrackMotion(candidate.refined);
+    candidate.motion.noise = MeasureTrackMotion(candidate.track).noise;  // before smoothing
     candidate.own_motion = OwnMotion(candidate);
     candidate.objection = Objection(candidate);
     return candidate;
@@ -363,22 +364,24 @@ bool MoveTogether(const Candidate& a, const Candidate& b) {
   return ab > kLeastCorrelation * std::sqrt(aa * bb);
 }
 
-// Objections to candidates that lie on the same part as another one. Of one part the track that is visible longest
-// stays: it needs the least guessing.
+// Objections to candidates that lie on the same part as another one. Of one part the track whose depth is known in most
+// frames stays: it needs the least guessing.
 void MergeDuplicates(std::vector<Candidate>* candidates, double merge_distance) {
   std::vector<Candidate*> order;
   for (Candidate& candidate : *candidates) order.push_back(&candidate);
-  std::stable_sort(order.begin(), order.end(), [](const Candidate* a, const Candidate* b) {
-    return a->pixels.CountVisible() > b->pixels.CountVisible();
-  });
+  const auto known = [](const Candidate* candidate) {
+    return std::count(candidate->track.visible.begin(), candidate->track.visible.end(), true);
+  };
+  std::stable_sort(order.begin(), order.end(),
+                   [&](const Candidate* a, const Candidate* b) { return known(a) > known(b); });
   for (size_t i = 0; i < order.size(); ++i) {
     Candidate& shorter = *order[i];
     for (size_t j = 0; j < i && shorter.objection.empty(); ++j) {
       const Candidate& longer = *order[j];
       if (!longer.objection.empty()) continue;
       if (!MoveTogether(longer, shorter) && !SameRigidPart(longer.refined, shorter.refined, merge_distance)) continue;
-      shorter.objection =
-          fmt::format("it moves as one part with the one at {}, which is seen longer", Place(longer.maximum.point));
+      shorter.objection = fmt::format("it moves as one part with the one at {}, which is known in more frames",
+                                      Place(longer.maximum.point));
     }
   }
 }
