@@ -367,7 +367,7 @@ void RejectShadows(std::vector<Candidate>* candidates) {
 // seen together (an upper and an under side) are taken for one part where they pass each other nearer than they move.
 bool MoveTogether(const Candidate& a, const Candidate& b) {
   constexpr int kLeastFrames = 5;
-  constexpr double kLeastCorrelation = 0.7;
+  constexpr double kLeastCorrelation = 0.6;
   double aa = 0, bb = 0, ab = 0, nearest = std::numeric_limits<double>::infinity();
   int frames = 0;
   for (size_t t = 0; t < a.own_motion.size(); ++t) {
