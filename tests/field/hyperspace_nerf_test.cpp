@@ -40,14 +40,14 @@ torch::Tensor Linear(const torch::OrderedDict<std::string, torch::Tensor>& p, co
 }  // namespace
 
 TEST_CASE("the paper's hyperspace network has the published sizes") {
-  HyperspaceNerf network(HyperspaceNerfConfig(), HyperspaceInputs{3, 5, 4});
+  HyperspaceNerf network(HyperspaceNerfConfig(), HyperspaceInputs{3, 4, 4});
   const auto p = network->named_parameters();
-  CHECK(p["trunk.hidden0.weight"].sizes() == torch::IntArrayRef({256, 57 + 6}));
-  CHECK(p["trunk.hidden4.weight"].sizes() == torch::IntArrayRef({256, 256 + 57 + 6}));
+  CHECK(p["trunk.hidden0.weight"].sizes() == torch::IntArrayRef({256, 51 + 6}));
+  CHECK(p["trunk.hidden4.weight"].sizes() == torch::IntArrayRef({256, 256 + 51 + 6}));
   CHECK(p["trunk.hidden7.weight"].sizes() == torch::IntArrayRef({256, 256}));
   CHECK(p["density.weight"].sizes() == torch::IntArrayRef({1, 256}));
   CHECK(p["bottleneck.weight"].sizes() == torch::IntArrayRef({256, 256}));
-  CHECK(p["color.hidden0.weight"].sizes() == torch::IntArrayRef({128, 256 + 33 + 4}));
+  CHECK(p["color.hidden0.weight"].sizes() == torch::IntArrayRef({128, 256 + 27 + 4}));
   CHECK(p["color.output.weight"].sizes() == torch::IntArrayRef({3, 128}));
 }
 

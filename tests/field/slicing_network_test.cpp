@@ -24,7 +24,7 @@ SlicingNetworkConfig Small() {
 
 TEST_CASE("the paper's slice starts flat, in three ambient coordinates") {
   SlicingNetwork slice(SlicingNetworkConfig(), 8);
-  CHECK(slice->named_parameters()["mlp.hidden4.weight"].sizes() == torch::IntArrayRef({64, 64 + 45 + 8}));
+  CHECK(slice->named_parameters()["mlp.hidden4.weight"].sizes() == torch::IntArrayRef({64, 64 + 39 + 8}));
   const auto ambient = slice->forward(torch::rand({10, 3}), torch::rand({10, 8}));
   CHECK(ambient.sizes() == torch::IntArrayRef({10, 3}));
   CHECK(ambient.abs().max().item<double>() < 1e-3);

@@ -25,8 +25,8 @@ WarpFieldConfig Small() {
 TEST_CASE("the paper's warp field has two heads over 128 features and starts at nearly the identity") {
   WarpField warp{WarpFieldConfig()};
   const auto parameters = warp->named_parameters();
-  CHECK(parameters["trunk.hidden0.weight"].sizes() == torch::IntArrayRef({128, 3 * 15 + 8}));
-  CHECK(parameters["trunk.hidden4.weight"].sizes() == torch::IntArrayRef({128, 128 + 3 * 15 + 8}));
+  CHECK(parameters["trunk.hidden0.weight"].sizes() == torch::IntArrayRef({128, 3 * 13 + 8}));
+  CHECK(parameters["trunk.hidden4.weight"].sizes() == torch::IntArrayRef({128, 128 + 3 * 13 + 8}));
   CHECK(parameters["trunk.hidden5.weight"].sizes() == torch::IntArrayRef({128, 128}));
   CHECK(parameters["rotation.weight"].min().item<double>() >= 0);
   CHECK(parameters["translation.weight"].max().item<double>() <= 1e-4);

@@ -26,7 +26,8 @@ TEST_CASE("a scalar picture grows brighter with its values") {
 }
 
 TEST_CASE("a scalar picture clamps its values and shows NaN as dark") {
-  const torch::Tensor picture = ScalarPicture(torch::tensor({{0.0, -3.0, NAN, -INFINITY}, {1.0, 2.0, 1e9, INFINITY}}));
+  const torch::Tensor picture =
+      ScalarPicture(torch::tensor({{0.0, -3.0, double{NAN}, -double{INFINITY}}, {1.0, 2.0, 1e9, double{INFINITY}}}));
   CHECK(picture.scalar_type() == torch::kUInt8);
   for (int64_t row = 0; row < 2; ++row) {
     for (int64_t column = 1; column < 4; ++column) CHECK(torch::equal(picture[row][column], picture[row][0]));
