@@ -177,7 +177,7 @@ class Tile {
   std::vector<float> gradient_, next_gradient_;  // [kTile, padded_out] of the layer at hand
 };
 
-// body(tile, first row, rows) for all tiles of `count` samples, and done(index of the range) after each range.
+// body(begin, end) on ranges of whole tiles that cover `count` samples.
 template <class Body>
 void ForTiles(int64_t count, const Body& body) {
   ParallelFor((count + kTile - 1) / kTile, 8,
@@ -245,8 +245,8 @@ class FusedMlpNode : public torch::autograd::Node {
     std::vector<at::Tensor> tensors;
     for (const auto& saved : saved_) tensors.push_back(saved.unpack().contiguous());
     const std::vector<at::Tensor> inputs(tensors.begin(), tensors.begin() + static_cast<int64_t>(num_inputs_));
-    const std::vector<Layer> layers = PackLayers(LayersFrom(tensors, num_inputs_, linear_output_));
     if (!grads[0].defined()) return torch::autograd::variable_list(tensors.size());
+    const std::vector<Layer> layers = PackLayers(LayersFrom(tensors, num_inputs_, linear_output_));
     const at::Tensor grad_out = grads[0].contiguous();
 
     torch::autograd::variable_list results(num_inputs_);

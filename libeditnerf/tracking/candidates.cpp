@@ -57,19 +57,18 @@ double UpperQuartile(std::vector<double> values) {
   return *quartile;
 }
 
-// Objections to candidates that hardly move beside the strongest: shadows and what lies around moving parts, whose flow
-// is disturbed, also differ from the static scene.
 void RejectWeakMotion(std::vector<Candidate>* candidates, double pixel_scale) {
   double strongest = 0;
   for (const Candidate& candidate : *candidates)
     if (candidate.objection.empty()) strongest = std::max(strongest, MotionStrength(candidate));
   const double least = std::max({kLeastOwnMotion * pixel_scale, kFlowPrecision, kLeastMotionShare * strongest});
   for (Candidate& candidate : *candidates) {
-    const double strength = MotionStrength(candidate);
     if (!candidate.objection.empty()) continue;
+    const double strength = MotionStrength(candidate);
     if (strength < least) {
       candidate.objection =
-          fmt::format("it moves by {:.2f} pixels a frame, and the strongest by {:.2f}", strength, strongest);
+          fmt::format("it moves by {:.2f} pixels a frame, less than {:.2f} (the strongest moves by {:.2f})", strength,
+                      least, strongest);
     } else if (strength < kLeastCameraShare * candidate.camera_strength) {
       candidate.objection = fmt::format("it moves by {:.2f} pixels a frame where the camera moves it by {:.2f}",
                                         strength, candidate.camera_strength);
@@ -77,7 +76,6 @@ void RejectWeakMotion(std::vector<Candidate>* candidates, double pixel_scale) {
   }
 }
 
-// Objections to what moves on static surfaces, as shadows do, where other candidates have surfaces of their own.
 void RejectShadows(std::vector<Candidate>* candidates) {
   const bool any_surface = std::any_of(candidates->begin(), candidates->end(), [](const Candidate& candidate) {
     return candidate.objection.empty() && !candidate.on_static_surface;
@@ -88,8 +86,6 @@ void RejectShadows(std::vector<Candidate>* candidates) {
   }
 }
 
-// Objections to candidates that lie on the same part as another one. Of one part the track whose depth is known in most
-// frames stays: it needs the least guessing.
 void MergeDuplicates(std::vector<Candidate>* candidates, double merge_distance) {
   std::vector<Candidate*> order;
   for (Candidate& candidate : *candidates) order.push_back(&candidate);
@@ -110,8 +106,8 @@ void MergeDuplicates(std::vector<Candidate>* candidates, double merge_distance) 
   }
 }
 
-std::vector<const Candidate*> Select(const std::vector<Candidate>& candidates, const DetectionConfig& config,
-                                     std::vector<std::string>* notes) {
+std::vector<const Candidate*> SelectCandidates(const std::vector<Candidate>& candidates, const DetectionConfig& config,
+                                               std::vector<std::string>* notes) {
   std::vector<const Candidate*> kept;
   const auto wanted = At(config.count > 0 ? config.count : config.max_count);
   for (const Candidate& candidate : candidates) {

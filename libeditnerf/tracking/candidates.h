@@ -12,7 +12,7 @@
 namespace editnerf {
 
 // Where a candidate's track starts.
-struct Start {
+struct TrackStart {
   int64_t frame = 0;
   Pixel pixel;
   double distance = 0;  // scene units, of the surface
@@ -21,7 +21,7 @@ struct Start {
 
 struct Candidate {
   VolumeMaximum maximum;
-  Start start;
+  TrackStart start;
   PixelTrack pixels;
   PointTrack track, refined;
   TrackMotion motion;              // of the refined track, with the noise of the other
@@ -37,14 +37,19 @@ std::string Place(const Vec3& p);
 // The value that a quarter of all exceed; 0 without any.
 double UpperQuartile(std::vector<double> values);
 
-// All of these give objections to candidates that have none. `pixel_scale`: pixels per pixel at 320 wide.
+// These give objections to candidates that have none:
+// those that hardly move, beside the strongest or beside what the camera causes: shadows and what lies around moving
+// parts, whose flow is disturbed, also differ from the static scene. `pixel_scale`: pixels per pixel at 320 wide;
 void RejectWeakMotion(std::vector<Candidate>* candidates, double pixel_scale);
+// what moves on static surfaces, as shadows do, where other candidates have surfaces of their own;
 void RejectShadows(std::vector<Candidate>* candidates);
+// those on the same part as another one. The one whose depth is known in most frames stays: it needs the least
+// guessing.
 void MergeDuplicates(std::vector<Candidate>* candidates, double merge_distance);
 
 // The candidates to keep, strongest first; `notes` says what became of the others. With config.count given, candidates
 // with objections fill it up. Throws ConfigError where there are too few.
-std::vector<const Candidate*> Select(const std::vector<Candidate>& candidates, const DetectionConfig& config,
-                                     std::vector<std::string>* notes);
+std::vector<const Candidate*> SelectCandidates(const std::vector<Candidate>& candidates, const DetectionConfig& config,
+                                               std::vector<std::string>* notes);
 
 }  // namespace editnerf

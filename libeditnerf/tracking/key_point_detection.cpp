@@ -48,7 +48,7 @@ class Detector {
 
   // Empty when no frame sees the point on a surface.
   std::optional<Candidate> Examine(const VolumeMaximum& maximum, double voxel_size) {
-    std::vector<Start> starts = Starts(maximum.point, voxel_size);
+    std::vector<TrackStart> starts = Starts(maximum.point, voxel_size);
     if (starts.empty()) return std::nullopt;
     Candidate candidate;
     candidate.maximum = maximum;
@@ -77,8 +77,8 @@ class Detector {
 
  private:
   // Frames in which the point lies on the surface, in time order, each with the surface's pixel that is to be tracked.
-  std::vector<Start> Starts(const Vec3& point, double voxel_size) const {
-    std::vector<Start> starts;
+  std::vector<TrackStart> Starts(const Vec3& point, double voxel_size) const {
+    std::vector<TrackStart> starts;
     for (int64_t t = 0; t < clip_.num_frames(); ++t) {
       const Projected projected = Project(clip_.cameras[At(t)], point);
       const Pixel pixel = {projected.u, projected.v};
@@ -86,7 +86,7 @@ class Detector {
       const double phi = Norm(point - clip_.cameras[At(t)].position);
       // Surface points inside a voxel lie up to half its diagonal from its centre.
       const double tolerance = std::max(config_.reference_delta * phi, voxel_size);
-      const std::optional<Start> start = Snap(t, point, pixel, tolerance, phi);
+      const std::optional<TrackStart> start = Snap(t, point, pixel, tolerance, phi);
       if (start) starts.push_back(*start);
     }
     return starts;
@@ -96,14 +96,14 @@ class Detector {
   // the voxel's centre may just miss a part that is seen edge-on, so the surface is looked for all around; and at the
   // edge of a part flow is unreliable, so pixels up to twice as far off are taken that move and have their own surface
   // around.
-  std::optional<Start> Snap(int64_t t, const Vec3& point, const Pixel& pixel, double tolerance, double phi) const {
+  std::optional<TrackStart> Snap(int64_t t, const Vec3& point, const Pixel& pixel, double tolerance, double phi) const {
     const double pixels_per_unit = clip_.cameras[At(t)].focal_length / phi;
     const int64_t reach = std::clamp<int64_t>(std::llround(2 * tolerance * pixels_per_unit), 1, kLargestSnap);
-    std::optional<Start> best;
+    std::optional<TrackStart> best;
     double least = std::numeric_limits<double>::infinity(), nearest = least;
     for (int64_t dy = -reach; dy <= reach; ++dy) {
       for (int64_t dx = -reach; dx <= reach; ++dx) {
-        Start start = {t, {pixel.u + static_cast<double>(dx), pixel.v + static_cast<double>(dy)}, NAN, 0};
+        TrackStart start = {t, {pixel.u + static_cast<double>(dx), pixel.v + static_cast<double>(dy)}, NAN, 0};
         if (!clip_.Inside(start.pixel)) continue;
         start.distance = LocalDepth(clip_.depth[At(t)], start.pixel, 0);
         if (!std::isfinite(start.distance)) continue;
@@ -122,7 +122,7 @@ class Detector {
   }
 
   // Share of the surroundings, as far as dense flow mixes motions, that lies on another surface.
-  double EdgeShare(const Start& start) const {
+  double EdgeShare(const TrackStart& start) const {
     int other = 0, count = 0;
     for (const double radius : {0.5 * kFlowSupport, 1.0 * kFlowSupport}) {
       for (int i = 0; i < 8; ++i, ++count) {
@@ -135,21 +135,23 @@ class Detector {
     return static_cast<double>(other) / count;
   }
 
-  Start ChooseStart(std::vector<Start> starts) const {
-    const Start first = starts.front();
-    std::stable_sort(starts.begin(), starts.end(), [](const Start& a, const Start& b) { return a.motion > b.motion; });
+  TrackStart ChooseStart(std::vector<TrackStart> starts) const {
+    const TrackStart first = starts.front();
+    std::stable_sort(starts.begin(), starts.end(),
+                     [](const TrackStart& a, const TrackStart& b) { return a.motion > b.motion; });
     const int64_t apart = std::max<int64_t>(2, clip_.num_frames() / 16);
-    std::vector<Start> trials;
-    for (const Start& start : starts) {
+    std::vector<TrackStart> trials;
+    for (const TrackStart& start : starts) {
       if (start.motion < 1 || trials.size() == kReferenceTrials) break;
-      const bool near = std::any_of(trials.begin(), trials.end(),
-                                    [&](const Start& other) { return std::abs(other.frame - start.frame) < apart; });
+      const bool near = std::any_of(trials.begin(), trials.end(), [&](const TrackStart& other) {
+        return std::abs(other.frame - start.frame) < apart;
+      });
       if (!near) trials.push_back(start);
     }
     if (trials.empty()) return first;
-    Start best = trials.front();
+    TrackStart best = trials.front();
     double most = -1;
-    for (const Start& trial : trials) {
+    for (const TrackStart& trial : trials) {
       // A track that slipped onto the background is visible for long, but does not move.
       const PixelTrack track = Propagate(clip_, nullptr, trial.frame, trial.pixel, options_, &motion_);
       const double merit = static_cast<double>(CountMoving(track)) + 0.25 * static_cast<double>(track.CountVisible());
@@ -355,7 +357,7 @@ Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const 
   RejectWeakMotion(&candidates, detector.PixelScale());
   RejectShadows(&candidates);
   MergeDuplicates(&candidates, config.merge_distance);
-  const std::vector<const Candidate*> kept = Select(candidates, config, &detection.notes);
+  const std::vector<const Candidate*> kept = SelectCandidates(candidates, config, &detection.notes);
   Store(kept, detector, frames, &detection);
   if (kept.empty()) {
     detection.notes.push_back(

@@ -47,8 +47,8 @@ const StageConfig& StageOf(const Run& run) {
 
 bool Contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
 
-// The networks that bend, slice and divide space. At the rate of the hash encodings' small networks their neurons die:
-// the ambient coordinates of a scene that moves became one constant in about every third pretraining.
+// The networks that bend, slice and divide space. At the rate of the hash encodings' small networks their neurons can
+// die: the ambient coordinates of a scene that moves then become one constant.
 bool IsShape(const std::string& name) {
   return name.rfind("warp.", 0) == 0 || name.rfind("slicing.", 0) == 0 || name.rfind("weights.", 0) == 0;
 }
