@@ -147,9 +147,20 @@ void AddDetectionNotes(const fs::path& work, ReportContents* report) {
   const nlohmann::ordered_json detection = ReadIfThere(work / "scene" / "data" / "detection.json");
   const auto notes = detection.find("notes");
   if (notes == detection.end() || !notes->is_array()) return;
+  int dropped = 0;
   for (const auto& note : *notes) {
-    if (note.is_string()) report->notes.push_back({false, "key points: " + note.get<std::string>()});
+    if (!note.is_string()) continue;
+    const auto text = note.get<std::string>();
+    if (text.find(" dropped: ") != std::string::npos) {
+      ++dropped;
+    } else {
+      report->notes.push_back({false, "key points: " + text});
+    }
   }
+  if (dropped == 0) return;
+  report->notes.push_back(
+      {false,
+       fmt::format("key points: {} other candidates were dropped; scene/data/detection.json says why", dropped)});
 }
 
 std::string Machine() {
