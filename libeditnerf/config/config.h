@@ -67,6 +67,7 @@ struct StageConfig {
   double lambda_warp = 0.1;
   double lambda_ambient = 0;        // of the squared ambient coordinates at surface points (pretraining)
   double lambda_distortion = 0;     // of the distortion loss of mip-NeRF 360, in normalised ray distance
+  double lambda_depth = 0;          // of the share of the depth by which a known distance is missed
   bool random_background = false;   // composite on random colours after 200 steps
   int64_t log_every = 50;           // steps
   int64_t evaluate_every = 2000;    // steps between held-out measurements; 0: none
@@ -91,6 +92,8 @@ struct StageConfig {
     v("lambda_warp", lambda_warp, "weight of the warp regularisation", AtLeast(0));
     v("lambda_ambient", lambda_ambient, "weight of the squared ambient coordinates (pretraining)", AtLeast(0));
     v("lambda_distortion", lambda_distortion, "weight of the distortion loss", AtLeast(0));
+    v("lambda_depth", lambda_depth,
+      "weight of missing the static scene's triangulated distances, as a share of them (pretraining)", AtLeast(0));
     v("random_background", random_background, "composite on random colours once the field has taken shape");
     v("log_every", log_every, "steps between rows of metrics.csv", AtLeast(1));
     v("evaluate_every", evaluate_every, "steps between held-out measurements; 0 for none", AtLeast(0));

@@ -211,6 +211,8 @@ void WriteRunReport(const fs::path& work, const Scene& scene, torch::Device devi
   report.videos.push_back({"An edit that nobody filmed: each key point swept through its range", "", "edited.mp4"});
   AddPicture(out / "strip.png", "Photograph, picture, depth, and which key point governs what", true, &report);
   AddPicture(work / "scene" / "data" / "tracks.png", "Key points and their tracks", true, &report);
+  AddPicture(work / "scene" / "data" / "motion.png", "What moves (red) and what does not (blue), by optical flow", true,
+             &report);
   AddPicture(work / "scene" / "data" / "variance.png", "Where the ambient coordinates vary: three projections", true,
              &report);
   AddCharts(work, &report);

@@ -14,12 +14,18 @@
 #include "libeditnerf/imaging/scene_folder.h"
 #include "libeditnerf/render/image_renderer.h"
 #include "libeditnerf/scene/packed_scene.h"
+#include "libeditnerf/tracking/clip.h"
+#include "libeditnerf/tracking/still_depth.h"
 #include "libeditnerf/training/trainer.h"
 
 namespace editnerf {
 namespace {
 
 namespace fs = std::filesystem;
+
+// Surface maps are marched in finer steps than pictures: the median depth is known to half a step only, and near the
+// camera a step of training is some percent of the depth.
+constexpr int64_t kFinerSurfaces = 3;
 
 bool HasCheckpoint(const fs::path& folder) { return fs::exists(folder / "checkpoint.safetensors"); }
 
@@ -56,7 +62,7 @@ LoadedRun Reopen(const Scene& scene, const StageRequest& request, FieldStage sta
 }
 
 Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage, const torch::Tensor& tracks,
-               std::optional<KeyPointSupervision> supervision) {
+               std::optional<KeyPointSupervision> supervision, const DepthTargets& depth) {
   LoadedRun loaded;
   const bool resumed = request.resume && HasCheckpoint(request.out);
   if (resumed) {
@@ -67,9 +73,38 @@ Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage
   }
   loaded.run.scene_path = fs::absolute(request.scene_folder).lexically_normal().string();
   Trainer trainer(loaded.run, scene, std::move(supervision), request.out);
+  trainer.SetDepthTargets(depth);
   if (resumed) trainer.Resume(loaded.extra);
   trainer.Train();
   return trainer.run();
+}
+
+void LogDepthTargetErrors(const Scene& scene, const DepthTargets& targets) {
+  const torch::Tensor row = torch::tensor(scene.train, torch::kInt64).index_select(0, targets.frame);
+  const torch::Tensor u = targets.pixel.select(1, 0), v = targets.pixel.select(1, 1);
+  const torch::Tensor truth = scene.truth->depth.index({row, v, u}), mask = scene.truth->mask.index({row, v, u});
+  const torch::Tensor error = (targets.distance / truth - 1).abs();
+  for (size_t part = 0; part <= scene.truth->objects.size(); ++part) {
+    const torch::Tensor own = error.masked_select(mask == static_cast<int64_t>(part));
+    if (own.numel() == 0) continue;
+    LogInfo("  on {}: {} places, median error {:.2g} %, 90th percentile {:.2g} %",
+            part == 0 ? "the static scene" : scene.truth->objects[part - 1], own.numel(),
+            100 * own.quantile(0.5).item<double>(), 100 * own.quantile(0.9).item<double>());
+  }
+}
+
+// What optical flow between the training images says of the static scene's depth.
+DepthTargets StillDepthOf(const Scene& scene) {
+  const FlowSequence flows =
+      ComputeFlowSequence(scene.images.index_select(0, torch::tensor(scene.train, torch::kInt64)), DisFlow());
+  const torch::Tensor no_depth = torch::full({1}, std::numeric_limits<float>::quiet_NaN())
+                                     .expand({static_cast<int64_t>(scene.train.size()), scene.height(), scene.width()});
+  const Clip clip = MakeClip(scene, no_depth, flows);
+  const DepthTargets targets = TriangulateStillDepth(clip, scene.transform.near, scene.transform.far);
+  LogInfo("static depth: {} places known, {:.0f} in each frame", targets.size(),
+          static_cast<double>(targets.size()) / static_cast<double>(scene.train.size()));
+  if (scene.truth) LogDepthTargetErrors(scene, targets);
+  return targets;
 }
 
 torch::Tensor Enlarge(const torch::Tensor& map, int64_t height, int64_t width) {
@@ -117,6 +152,7 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
     ImageOptions options;
     options.tensor = torch::TensorOptions(torch::kFloat32).device(run.device);
     options.depth_only = run.config.render.sampler == "occupancy";
+    options.march_steps = kFinerSurfaces * run.config.render.march_steps;
     const RenderedImage image =
         RenderImage(*run.field, *run.renderer, factor < 1 ? camera.Resized(reduced(width), reduced(height)) : camera,
                     states, options);
@@ -134,7 +170,9 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
 }
 
 void RunPretraining(const Scene& scene, const StageRequest& request) {
-  Run run = TrainStage(scene, request, FieldStage::kPretrain, torch::Tensor(), std::nullopt);
+  DepthTargets depth;
+  if (request.config.pretrain.lambda_depth > 0) depth = StillDepthOf(scene);
+  Run run = TrainStage(scene, request, FieldStage::kPretrain, torch::Tensor(), std::nullopt, depth);
   const PretrainedMaps maps = RenderSurfaceMaps(run, scene);
   WritePretrainedMaps(maps, scene, request.out);
   if (scene.truth) WriteDepthErrors(MeasureDepthErrors(maps.depth, scene), request.out / "depth_error.json");
@@ -170,7 +208,7 @@ void RunTraining(const Scene& scene, const StageRequest& request, const fs::path
   if (detected.tracks.size(1) == 0) {
     LogWarning("{}: no key points (data/k_points_auto.txt); training a static scene", detection_folder.string());
   }
-  TrainStage(scene, request, FieldStage::kTrain, detected.tracks, std::move(detected.supervision));
+  TrainStage(scene, request, FieldStage::kTrain, detected.tracks, std::move(detected.supervision), {});
 }
 
 }  // namespace editnerf

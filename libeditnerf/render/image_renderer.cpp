@@ -54,6 +54,7 @@ RenderedImage RenderImage(RadianceField& field, RayRenderer& renderer, const Cam
   RayOptions ray_options;
   ray_options.background = options.background;
   ray_options.depth_only = options.depth_only;
+  ray_options.march_steps = options.march_steps;
 
   const int64_t count = directions.size(0);
   std::vector<RayResult> parts(static_cast<size_t>((count + options.chunk - 1) / options.chunk));

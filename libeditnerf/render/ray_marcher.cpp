@@ -132,6 +132,7 @@ MarchedPicture CompositeSamples(const PackedSamples& samples, const torch::Tenso
   MarchedPicture picture;
   picture.rgb = seen.rgb;
   picture.opacity = seen.opacity;
+  picture.weights = seen.weights;
   picture.surface_sample = surface.sample;
   picture.depth = surface.depth;
   picture.depth_valid = surface.valid;
@@ -150,6 +151,7 @@ MarchedPicture CompositePadded(const PackedSamples& samples, const torch::Tensor
   MarchedPicture picture;
   if (radiance.defined()) picture.rgb = CompositeColor(seen, padding.Pad(radiance), background);
   picture.opacity = seen.opacity;
+  picture.weights = padding.Unpad(seen.weights);
   picture.surface_sample =
       (samples.offsets.narrow(0, 0, surface.index.size(0)) + surface.index).clamp_max(samples.t.size(0) - 1);
   picture.depth = surface.depth;

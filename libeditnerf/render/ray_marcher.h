@@ -35,6 +35,7 @@ struct MarchedPicture {
   torch::Tensor depth;           // [R], t at the surface (FindSurface); NaN where there is none
   torch::Tensor depth_valid;     // [R] bool
   torch::Tensor distortion;      // [R], DistortionLoss in units of t; undefined unless asked for
+  torch::Tensor weights;         // [S]
 };
 
 // density [S] and radiance [S, 3] (may be undefined) at the samples, background [3] or [R, 3] (black if undefined).

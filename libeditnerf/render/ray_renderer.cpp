@@ -96,6 +96,17 @@ torch::Tensor DensityAt(RadianceField& field, const torch::Tensor& x, const torc
   return EvaluateField(field, input, states, Level::kFine, /*with_color=*/false).density;
 }
 
+// Sum over some samples of w max(0, |t - d| / d - tolerance), where the ray's distance d is known.
+torch::Tensor DepthMiss(const torch::Tensor& weights, const torch::Tensor& t, const torch::Tensor& distance,
+                        const torch::Tensor& tolerance) {
+  torch::Tensor miss;
+  {
+    const torch::NoGradGuard no_grad;
+    miss = torch::nan_to_num(((t / distance - 1).abs() - tolerance).clamp_min(0), 0.0, 0.0);
+  }
+  return (weights * miss).sum();
+}
+
 bool AreFloats(std::initializer_list<torch::Tensor> tensors) {
   return std::all_of(tensors.begin(), tensors.end(), [](const torch::Tensor& tensor) {
     return !tensor.defined() || (tensor.is_cpu() && tensor.scalar_type() == torch::kFloat32);
@@ -169,6 +180,10 @@ RayResult RayRenderer::RenderHierarchical(RadianceField& field, const RayBatch& 
   result.depth_valid = surface.valid;
   if (options.surface) FillSurface(input, output, ray_numbers * t.size(1) + surface.index, result);
   if (options.distortion) result.distortion = DistortionLoss(fine.weights, t + delta / 2, delta) / (far_ - near_);
+  if (options.distance.defined()) {
+    result.depth_miss = DepthMiss(fine.weights, t, options.distance.unsqueeze(1), options.tolerance.unsqueeze(1)) /
+                        static_cast<double>(count);
+  }
   result.samples = t.numel();
   return result;
 }
@@ -223,6 +238,11 @@ RayResult RayRenderer::RenderMarching(RadianceField& field, const RayBatch& rays
   result.depth = seen.depth;
   result.depth_valid = seen.depth_valid;
   if (options.distortion) result.distortion = seen.distortion / (far_ - near_);
+  if (options.distance.defined()) {
+    result.depth_miss = DepthMiss(seen.weights, samples.t, options.distance.index_select(0, samples.ray),
+                                  options.tolerance.index_select(0, samples.ray)) /
+                        static_cast<double>(rays.origin.size(0));
+  }
   if (options.surface) FillSurface(input, output, seen.surface_sample, result);
   result.samples = samples.t.size(0);
   return result;

@@ -32,6 +32,8 @@ struct RayOptions {
   torch::Tensor background;  // [3] or [R, 3]; undefined: see above
   bool surface = true;       // fill RayResult's surface outputs
   bool distortion = false;   // fill RayResult's distortion
+  torch::Tensor distance;    // [R], known distance to the surface, NaN where unknown; undefined: nothing is known
+  torch::Tensor tolerance;   // [R], share of the distance within which any is as good; given with it
   // Marching alone:
   torch::Tensor jitter;     // [R] in [0, 1], where in their intervals samples lie; undefined: random where training,
                             // otherwise the middle
@@ -53,6 +55,7 @@ struct RayResult {
   torch::Tensor weights;      // [R, N], of the key points
 
   torch::Tensor distortion;  // [R], DistortionLoss with 0 at near and 1 at far; undefined unless asked for
+  torch::Tensor depth_miss;  // [], the mean of DepthMiss over the rays; undefined without RayOptions::distance
   int64_t samples = 0;       // field evaluations with colour
 };
 

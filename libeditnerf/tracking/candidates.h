@@ -26,6 +26,7 @@ struct Candidate {
   PointTrack track, refined;
   TrackMotion motion;              // of the refined track, with the noise of the other
   bool on_static_surface = false;  // all along its track
+  int64_t moving = 0;              // visible frames with evidence of motion
   double camera_strength = 0;      // upper quartile of what the camera explains, pixels a frame
   std::vector<Pixel> own_motion;   // T - 1, in the image beyond what the camera explains; NaN where not visible
   std::string objection;           // why it is no key point of its own; empty for those that are

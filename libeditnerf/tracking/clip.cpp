@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/tracking/still_flow.h"
 
 namespace editnerf {
 namespace {
@@ -86,8 +87,9 @@ const torch::Tensor& DirectFlows::Get(int64_t from, int64_t to) {
   const auto found = cache_.find(key);
   if (found != cache_.end()) return found->second;
   if (cache_.size() >= kMaxCachedPairs) cache_.clear();
-  return cache_[key] =
-             flow_.Flow(clip_.images[static_cast<size_t>(from)], clip_.images[static_cast<size_t>(to)]).contiguous();
+  const auto a = static_cast<size_t>(from), b = static_cast<size_t>(to);
+  const torch::Tensor guess = StillFlow(clip_.cameras[a], clip_.depth[a], clip_.cameras[b]);
+  return cache_[key] = flow_.FlowFrom(clip_.images[a], clip_.images[b], guess).contiguous();
 }
 
 DirectFlows::Match DirectFlows::Find(int64_t from, int64_t to, const Pixel& p) {

@@ -70,6 +70,7 @@ void WriteDetection(const Scene& scene, const PretrainedMaps& maps, const Detect
   }
   WriteFileAtomically(folder / "data" / "detection.json", Describe(scene, run).dump(2) + "\n");
   WritePng(folder / "data" / "variance.png", VariancePicture(run.detection));
+  WritePng(folder / "data" / "motion.png", MotionPicture(scene, run.detection));
   WritePng(folder / "data" / "tracks.png", TracksPicture(scene, run.detection));
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <opencv2/imgproc.hpp>
 
 #include "libeditnerf/base/shape.h"
@@ -89,6 +90,30 @@ void DrawTrails(cv::Mat& image, const Scene& scene, const Detection& detection, 
   }
 }
 
+// `count` training frames, evenly spaced; small ones twice as large. draw(image, t, factor) adds to each.
+torch::Tensor ContactSheet(const Scene& scene, int64_t count, int64_t columns,
+                           const std::function<void(cv::Mat&, int64_t, int)>& draw) {
+  const auto frames = static_cast<int64_t>(scene.train.size());
+  count = std::clamp<int64_t>(count, 1, frames);
+  columns = std::clamp<int64_t>(columns, 1, count);
+  const int64_t rows = (count + columns - 1) / columns;
+  const int factor = scene.width() < 240 ? 2 : 1;
+  const int width = static_cast<int>(scene.width()) * factor, height = static_cast<int>(scene.height()) * factor;
+  cv::Mat sheet(static_cast<int>(rows) * height, static_cast<int>(columns) * width, CV_8UC3, cv::Scalar(40, 40, 40));
+  for (int64_t i = 0; i < count; ++i) {
+    const int64_t t = count > 1 ? i * (frames - 1) / (count - 1) : 0;
+    const torch::Tensor source = scene.images[scene.train[static_cast<size_t>(t)]].contiguous();
+    const cv::Mat frame(static_cast<int>(scene.height()), static_cast<int>(scene.width()), CV_8UC3,
+                        source.data_ptr<uint8_t>());
+    cv::Mat image;
+    cv::resize(frame, image, cv::Size(width, height), 0, 0, cv::INTER_LINEAR);
+    draw(image, t, factor);
+    image.copyTo(
+        sheet(cv::Rect(static_cast<int>(i % columns) * width, static_cast<int>(i / columns) * height, width, height)));
+  }
+  return ToTensor(sheet);
+}
+
 }  // namespace
 
 torch::Tensor VariancePicture(const Detection& detection) {
@@ -111,26 +136,28 @@ torch::Tensor VariancePicture(const Detection& detection) {
 }
 
 torch::Tensor TracksPicture(const Scene& scene, const Detection& detection, int64_t count, int64_t columns) {
-  const auto frames = static_cast<int64_t>(scene.train.size());
-  CheckShape(detection.tracks, {frames, kAny, 3}, "key point tracks");
-  count = std::clamp<int64_t>(count, 1, frames);
-  columns = std::clamp<int64_t>(columns, 1, count);
-  const int64_t rows = (count + columns - 1) / columns;
-  const int factor = scene.width() < 240 ? 2 : 1;
-  const int width = static_cast<int>(scene.width()) * factor, height = static_cast<int>(scene.height()) * factor;
-  cv::Mat sheet(static_cast<int>(rows) * height, static_cast<int>(columns) * width, CV_8UC3, cv::Scalar(40, 40, 40));
-  for (int64_t i = 0; i < count; ++i) {
-    const int64_t t = count > 1 ? i * (frames - 1) / (count - 1) : 0;
-    const torch::Tensor source = scene.images[scene.train[static_cast<size_t>(t)]].contiguous();
-    const cv::Mat frame(static_cast<int>(scene.height()), static_cast<int>(scene.width()), CV_8UC3,
-                        source.data_ptr<uint8_t>());
-    cv::Mat image;
-    cv::resize(frame, image, cv::Size(width, height), 0, 0, cv::INTER_LINEAR);
-    DrawTrails(image, scene, detection, t, factor);
-    image.copyTo(
-        sheet(cv::Rect(static_cast<int>(i % columns) * width, static_cast<int>(i / columns) * height, width, height)));
-  }
-  return ToTensor(sheet);
+  CheckShape(detection.tracks, {static_cast<int64_t>(scene.train.size()), kAny, 3}, "key point tracks");
+  return ContactSheet(scene, count, columns,
+                      [&](cv::Mat& image, int64_t t, int factor) { DrawTrails(image, scene, detection, t, factor); });
+}
+
+torch::Tensor MotionPicture(const Scene& scene, const Detection& detection, int64_t count, int64_t columns) {
+  const torch::Tensor ratio = detection.motion.ratio.contiguous();
+  CheckShape(ratio, {static_cast<int64_t>(scene.train.size()), kAny, kAny}, "motion evidence");
+  return ContactSheet(scene, count, columns, [&](cv::Mat& image, int64_t t, int factor) {
+    const cv::Mat cells(static_cast<int>(ratio.size(1)), static_cast<int>(ratio.size(2)), CV_32F,
+                        ratio[t].data_ptr<float>());
+    const int size = static_cast<int>(detection.motion.cell) * factor;
+    for (int y = 0; y < image.rows; ++y) {
+      for (int x = 0; x < image.cols; ++x) {
+        const float value = cells.at<float>(std::min(y / size, cells.rows - 1), std::min(x / size, cells.cols - 1));
+        if (std::isnan(value)) continue;
+        auto& pixel = image.at<cv::Vec3b>(y, x);
+        const cv::Vec3b tint = value >= 1 ? cv::Vec3b(255, 60, 30) : cv::Vec3b(40, 120, 255);
+        for (int c = 0; c < 3; ++c) pixel[c] = static_cast<uint8_t>((pixel[c] + tint[c]) / 2);
+      }
+    }
+  });
 }
 
 }  // namespace editnerf

@@ -16,4 +16,8 @@ torch::Tensor VariancePicture(const Detection& detection);
 // interpolated) and its way through the frames before.
 torch::Tensor TracksPicture(const Scene& scene, const Detection& detection, int64_t count = 12, int64_t columns = 4);
 
+// The same frames with the evidence of motion: red cells move against the static scene, blue ones do not, of the others
+// nothing is known.
+torch::Tensor MotionPicture(const Scene& scene, const Detection& detection, int64_t count = 12, int64_t columns = 4);
+
 }  // namespace editnerf

@@ -3,6 +3,7 @@
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/tracking/clip.h"
+#include "libeditnerf/tracking/still_flow.h"
 
 namespace editnerf {
 namespace {
@@ -15,7 +16,12 @@ DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& maps, const 
                           const OpticalFlow& flow) {
   maps.Check(scene);
   DetectionRun run;
-  run.flows = ComputeFlowSequence(scene.images.index_select(0, torch::tensor(scene.train)), flow);
+  const auto camera = [&](int64_t t) -> const Camera& {
+    return scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(t)])].camera;
+  };
+  run.flows = ComputeFlowSequence(
+      scene.images.index_select(0, torch::tensor(scene.train)), flow,
+      [&](int64_t from, int64_t to) { return StillFlow(camera(from), maps.depth[from], camera(to)); });
   run.detection = DetectKeyPoints(scene, maps, run.flows, flow, config);
   if (config.refine && run.detection.count() > 0) {
     run.refined = RefineTracks(MakeClip(scene, maps.depth, run.flows), &run.detection);

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <mutex>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
@@ -46,7 +47,19 @@ cv::Mat Gray(const torch::Tensor& image) {
 
 }  // namespace
 
-torch::Tensor DisFlow::Flow(const torch::Tensor& from, const torch::Tensor& to) const {
+void OpticalFlow::CheckGuess(const torch::Tensor& from, const torch::Tensor& guess) {
+  CheckShape(guess, {from.size(0), from.size(1), 2}, "guessed flow");
+}
+
+torch::Tensor DisFlow::Flow(const torch::Tensor& from, const torch::Tensor& to) const { return Search(from, to, {}); }
+
+torch::Tensor DisFlow::FlowFrom(const torch::Tensor& from, const torch::Tensor& to, const torch::Tensor& guess) const {
+  CheckGuess(from, guess);
+  const torch::Tensor start = guess.to(torch::kFloat32).contiguous();
+  return Search(from, to, start);
+}
+
+torch::Tensor DisFlow::Search(const torch::Tensor& from, const torch::Tensor& to, const torch::Tensor& guess) {
   CheckShape(from, {kAny, kAny, 3}, "first image");
   CheckShape(to, {from.size(0), from.size(1), 3}, "second image");
   if (from.scalar_type() != torch::kUInt8 || to.scalar_type() != torch::kUInt8) {
@@ -60,7 +73,11 @@ torch::Tensor DisFlow::Flow(const torch::Tensor& from, const torch::Tensor& to) 
   const OneOpenCvThread guard;
   const cv::Ptr<cv::DISOpticalFlow> dis = cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
   dis->setFinestScale(0);
-  cv::Mat flow;
+  cv::Mat flow;  // where it has a size, the search begins from it
+  if (guess.defined()) {
+    flow.create(static_cast<int>(from.size(0)), static_cast<int>(from.size(1)), CV_32FC2);
+    std::copy_n(guess.data_ptr<float>(), guess.numel(), flow.ptr<float>());
+  }
   dis->calc(Gray(from), Gray(to), flow);
   return torch::from_blob(flow.data, {from.size(0), from.size(1), 2}, torch::kFloat32).clone();
 }

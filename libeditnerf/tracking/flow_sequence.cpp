@@ -35,7 +35,7 @@ torch::Tensor ForwardBackwardValid(const torch::Tensor& flow, const torch::Tenso
   return valid;
 }
 
-FlowSequence ComputeFlowSequence(const torch::Tensor& images, const OpticalFlow& flow) {
+FlowSequence ComputeFlowSequence(const torch::Tensor& images, const OpticalFlow& flow, const FlowGuess& guess) {
   CheckShape(images, {kAny, kAny, kAny, 3}, "images");
   const int64_t pairs = images.size(0) - 1, height = images.size(1), width = images.size(2);
   if (pairs < 1) Throw<DataError>("optical flow: expected at least two training frames, found {}", images.size(0));
@@ -47,11 +47,13 @@ FlowSequence ComputeFlowSequence(const torch::Tensor& images, const OpticalFlow&
   Progress progress("optical flow", static_cast<double>(pairs));
   std::mutex mutex;
   int64_t done = 0;
+  const auto between = [&](int64_t from, int64_t to) {
+    return guess ? flow.FlowFrom(images[from], images[to], guess(from, to)) : flow.Flow(images[from], images[to]);
+  };
   ParallelFor(pairs, 1, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       if (InterruptRequested()) Throw<Interrupted>("interrupted during optical flow");
-      const torch::Tensor forward = flow.Flow(images[i], images[i + 1]);
-      const torch::Tensor backward = flow.Flow(images[i + 1], images[i]);
+      const torch::Tensor forward = between(i, i + 1), backward = between(i + 1, i);
       sequence.forward[i].copy_(forward);
       sequence.backward[i].copy_(backward);
       sequence.forward_valid[i].copy_(ForwardBackwardValid(forward, backward));

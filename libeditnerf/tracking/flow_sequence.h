@@ -3,6 +3,8 @@
 
 #include <torch/types.h>
 
+#include <functional>
+
 #include "libeditnerf/tracking/optical_flow.h"
 
 namespace editnerf {
@@ -23,6 +25,8 @@ struct FlowSequence {
 torch::Tensor ForwardBackwardValid(const torch::Tensor& flow, const torch::Tensor& opposite);
 
 // images [T, H, W, 3] uint8, T >= 2; pairs are computed on all threads. Throws Interrupted when the user asks to stop.
-FlowSequence ComputeFlowSequence(const torch::Tensor& images, const OpticalFlow& flow);
+// `guess(from, to)`, where given, is what the flow between two of the images begins from (OpticalFlow::FlowFrom).
+using FlowGuess = std::function<torch::Tensor(int64_t from, int64_t to)>;
+FlowSequence ComputeFlowSequence(const torch::Tensor& images, const OpticalFlow& flow, const FlowGuess& guess = {});
 
 }  // namespace editnerf

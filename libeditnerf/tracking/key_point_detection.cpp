@@ -20,7 +20,7 @@ namespace {
 
 constexpr size_t kCandidatesPerKeyPoint = 4;  // maxima examined for each key point that may be kept
 constexpr size_t kReferenceTrials = 4;        // reference frames tried for each candidate
-constexpr double kLeastMovingShare = 0.15;    // of the visible frames
+constexpr double kLeastMovingShare = 0.3;     // of the visible frames
 constexpr int64_t kLeastMovingFrames = 3;
 constexpr int64_t kLeastVisibleFrames = 4;
 constexpr double kLeastVisibleShare = 0.15;  // of all frames
@@ -65,11 +65,13 @@ class Detector {
     std::vector<double> camera_motion;
     candidate.own_motion = OwnMotion(candidate, &camera_motion);
     candidate.camera_strength = UpperQuartile(std::move(camera_motion));
+    candidate.moving = CountMoving(candidate.pixels);
     candidate.objection = Objection(candidate);
     return candidate;
   }
 
   double PixelScale() const { return clip_.PixelScale(); }
+  const MotionEvidence& motion() const { return motion_; }
 
   Vec3 Reference(const Candidate& candidate) const {
     return clip_.Lift(candidate.start.frame, candidate.start.pixel, candidate.start.distance);
@@ -261,7 +263,7 @@ class Detector {
   }
 
   std::string Objection(const Candidate& candidate) const {
-    const int64_t moving = CountMoving(candidate.pixels);
+    const int64_t moving = candidate.moving;
     std::vector<double> distances;
     for (const double distance : candidate.pixels.distance)
       if (std::isfinite(distance)) distances.push_back(distance);
@@ -338,6 +340,7 @@ Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const 
   detection.candidates = LocalMaxima(detection.volume, config.min_distance, config.relative_threshold);
 
   Detector detector(scene, maps, flows, flow, config);
+  detection.motion = detector.motion();
   const size_t most = kCandidatesPerKeyPoint * At(std::max(config.count, config.max_count));
   const size_t examined = std::min(detection.candidates.size(), most);
   std::vector<Candidate> candidates;

@@ -32,6 +32,7 @@
 #include "libeditnerf/config/config.h"
 #include "libeditnerf/scene/scene.h"
 #include "libeditnerf/tracking/flow_sequence.h"
+#include "libeditnerf/tracking/motion_evidence.h"
 #include "libeditnerf/tracking/pretrained_maps.h"
 #include "libeditnerf/tracking/propagation.h"
 #include "libeditnerf/tracking/surface_volume.h"
@@ -48,6 +49,7 @@ struct Detection {
   std::vector<PixelTrack> pixel_tracks;   // N, what the tracks were lifted from
   std::vector<std::string> notes;         // what was dropped or merged and why, for the report
   SurfaceVolume volume;                   // for pictures
+  MotionEvidence motion;                  // likewise
   std::vector<VolumeMaximum> candidates;  // all maxima, strongest first
 
   int64_t count() const { return static_cast<int64_t>(reference_frame.size()); }

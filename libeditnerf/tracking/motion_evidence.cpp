@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "libeditnerf/base/parallel.h"
+#include "libeditnerf/tracking/still_points.h"
 
 namespace editnerf {
 namespace {
@@ -13,12 +14,10 @@ constexpr int64_t kCellAt320 = 4;
 constexpr double kLeastDistance = 0.75;  // pixels at 320 wide
 constexpr double kNoiseFactor = 4;
 constexpr int64_t kFlowSupport = 5;  // pixels over which dense flow mixes neighbouring motions
+constexpr double kMostUncertain = 4;
+constexpr double kUncertaintyQuantile = 0.9;
 
 // Nearest and farthest surface around a pixel; NaN where there is none.
-struct DepthRange {
-  double near = NAN, far = NAN;
-};
-
 DepthRange DepthsAround(const torch::Tensor& depth, const Pixel& p) {
   const int64_t height = depth.size(0), width = depth.size(1);
   const float* values = depth.data_ptr<float>();
@@ -34,39 +33,69 @@ DepthRange DepthsAround(const torch::Tensor& depth, const Pixel& p) {
   return std::isfinite(range.near) && std::isfinite(range.far) ? range : DepthRange{};
 }
 
-double DistanceToSegment(const Pixel& p, const Pixel& a, const Pixel& b) {
-  const double du = b.u - a.u, dv = b.v - a.v, squared = du * du + dv * dv;
-  const double share = squared > 0 ? std::clamp(((p.u - a.u) * du + (p.v - a.v) * dv) / squared, 0.0, 1.0) : 0.0;
-  return Distance(p, {a.u + share * du, a.v + share * dv});
-}
-
-// Largest distance between the flow's chain from (t, p) and the projections of static points; NaN if unknown.
-double Deviation(const Clip& clip, int64_t t, const Pixel& p, int64_t reach) {
-  const DepthRange range = DepthsAround(clip.depth[static_cast<size_t>(t)], p);
-  if (std::isnan(range.near)) return NAN;
-  const Vec3 near = clip.Lift(t, p, range.near), far = clip.Lift(t, p, range.far);
-  double largest = NAN;
-  for (const int64_t step : {int64_t{1}, int64_t{-1}}) {
-    Pixel chained = p;
-    for (int64_t s = t; std::abs(s - t) < reach; s += step) {
-      const FlowSample flow = clip.Step(s, step, chained);
-      if (!flow.checked) break;
-      chained = {chained.u + flow.du, chained.v + flow.dv};
-      if (!clip.Inside(chained)) break;
-      const Camera& camera = clip.cameras[static_cast<size_t>(s + step)];
-      const Projected still_near = Project(camera, near), still_far = Project(camera, far);
-      if (!still_near.valid || !still_far.valid) break;
-      largest =
-          std::fmax(largest, DistanceToSegment(chained, {still_near.u, still_near.v}, {still_far.u, still_far.v}));
-    }
-  }
-  return largest;
+DepthRange Widened(const DepthRange& range, double share) {
+  return {range.near / (1 + share), range.far * (1 + share)};
 }
 
 double Median(std::vector<double> values) {
   if (values.empty()) return NAN;
   std::nth_element(values.begin(), values.begin() + static_cast<int64_t>(values.size() / 2), values.end());
   return values[values.size() / 2];
+}
+
+// What the cells of one frame are measured against.
+struct Cells {
+  int64_t size, rows, columns, reach;
+
+  Pixel Center(int64_t row, int64_t column) const {
+    const auto half = static_cast<double>(size) / 2;
+    return {static_cast<double>(column * size) + half, static_cast<double>(row * size) + half};
+  }
+};
+
+// How far the depth maps are off where the scene stands still: the share of the depth that explains most of what moves
+// against them. Depths of a real capture, whose walls have no texture, may be a tenth wrong; those of a synthetic scene
+// are not.
+double DepthUncertainty(const Clip& clip, const Cells& cells) {
+  constexpr int64_t kStride = 3;
+  const int64_t frames = clip.num_frames();
+  std::vector<std::vector<double>> found(static_cast<size_t>(frames));
+  ParallelFor(frames, 1, [&](int64_t begin, int64_t end) {
+    for (int64_t t = begin; t < end; ++t) {
+      for (int64_t i = 0; i < cells.rows * cells.columns; i += kStride) {
+        const Pixel p = cells.Center(i / cells.columns, i % cells.columns);
+        const auto frame = static_cast<size_t>(t);
+        const Texture texture = TextureAround(clip.gray[frame], p);
+        const DepthRange range = DepthsAround(clip.depth[frame], p);
+        if (std::isnan(range.near) || !texture.Enough()) continue;
+        const Chain chain = FollowFlow(clip, t, p, cells.reach);
+        if (chain.empty()) continue;
+        const StillPoint mapped = FindStillPoint(clip, t, p, range, chain, texture);
+        if (!(mapped.miss > kLeastDistance * clip.PixelScale())) {
+          found[frame].push_back(0);
+          continue;
+        }
+        const StillPoint free = FindStillPoint(clip, t, p, Widened(range, kMostUncertain), chain, texture);
+        if (!(free.miss < 0.5 * mapped.miss)) continue;  // it moves
+        found[frame].push_back(std::max(range.near / free.distance, free.distance / range.far) - 1);
+      }
+    }
+  });
+  std::vector<double> all;
+  for (const auto& some : found) all.insert(all.end(), some.begin(), some.end());
+  if (all.empty()) return 0;
+  const auto at = all.begin() + static_cast<int64_t>(kUncertaintyQuantile * static_cast<double>(all.size() - 1));
+  std::nth_element(all.begin(), at, all.end());
+  return std::max(*at, 0.0);
+}
+
+// How far the flow's chain from (t, p) misses every static point within the depths around; NaN if unknown.
+double Deviation(const Clip& clip, int64_t t, const Pixel& p, int64_t reach, double uncertainty) {
+  const DepthRange range = DepthsAround(clip.depth[static_cast<size_t>(t)], p);
+  const Texture texture = TextureAround(clip.gray[static_cast<size_t>(t)], p);
+  if (std::isnan(range.near) || !texture.Enough()) return NAN;
+  const Chain chain = FollowFlow(clip, t, p, reach);
+  return chain.empty() ? NAN : FindStillPoint(clip, t, p, Widened(range, uncertainty), chain, texture).miss;
 }
 
 }  // namespace
@@ -84,28 +113,26 @@ double MotionEvidence::At(int64_t t, const Pixel& p) const {
 
 MotionEvidence MeasureMotion(const Clip& clip) {
   MotionEvidence evidence;
-  evidence.cell = std::max<int64_t>(2, std::llround(kCellAt320 * clip.PixelScale()));
-  const int64_t frames = clip.num_frames();
-  const int64_t rows = (clip.height + evidence.cell - 1) / evidence.cell;
-  const int64_t columns = (clip.width + evidence.cell - 1) / evidence.cell;
-  const int64_t reach = std::clamp<int64_t>(frames / 10, 4, 16);
-  evidence.ratio = torch::full({frames, rows, columns}, NAN, torch::kFloat32);
-  float* ratio = evidence.ratio.data_ptr<float>();
+  const int64_t frames = clip.num_frames(), size = std::max<int64_t>(2, std::llround(kCellAt320 * clip.PixelScale()));
+  const Cells cells = {size, (clip.height + size - 1) / size, (clip.width + size - 1) / size,
+                       std::clamp<int64_t>(frames / 10, 4, 16)};
+  evidence.cell = size;
+  evidence.depth_uncertainty = DepthUncertainty(clip, cells);
+  evidence.ratio = torch::full({frames, cells.rows, cells.columns}, NAN, torch::kFloat32);
+  float* const ratio = evidence.ratio.data_ptr<float>();
   ParallelFor(frames, 1, [&](int64_t begin, int64_t end) {
     for (int64_t t = begin; t < end; ++t) {
       std::vector<double> known;
-      float* cells = ratio + t * rows * columns;
-      for (int64_t i = 0; i < rows * columns; ++i) {
-        const auto half = static_cast<double>(evidence.cell) / 2;
-        const Pixel center = {static_cast<double>(i % columns * evidence.cell) + half,
-                              static_cast<double>(i / columns * evidence.cell) + half};
-        cells[i] = static_cast<float>(Deviation(clip, t, center, reach));
-        if (std::isfinite(cells[i])) known.push_back(cells[i]);
+      float* const own = ratio + t * cells.rows * cells.columns;
+      for (int64_t i = 0; i < cells.rows * cells.columns; ++i) {
+        const Pixel center = cells.Center(i / cells.columns, i % cells.columns);
+        own[i] = static_cast<float>(Deviation(clip, t, center, cells.reach, evidence.depth_uncertainty));
+        if (std::isfinite(own[i])) known.push_back(own[i]);
       }
       if (known.empty()) continue;
       const auto threshold =
           static_cast<float>(std::max(kLeastDistance * clip.PixelScale(), kNoiseFactor * Median(known)));
-      for (int64_t i = 0; i < rows * columns; ++i) cells[i] /= threshold;
+      for (int64_t i = 0; i < cells.rows * cells.columns; ++i) own[i] /= threshold;
     }
   });
   return evidence;

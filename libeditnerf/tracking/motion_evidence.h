@@ -1,11 +1,12 @@
 // Which pixels move against the static scene.
 //
-// A pixel's surface point, taken from the depth map, projects into the frames around by the cameras alone; the flow
-// says where the pixel really went. The distance of the two, over up to a tenth of the sequence, is evidence of motion
-// of its own. At a depth edge flow mixes the motions of both sides; so the distance is that to the segment between the
-// projections of the nearest and the farthest depth around the pixel, on which every mixture of static motions lies.
-// The noise (depth errors, camera errors) is measured per frame as the median over the image, most of which is taken to
-// be static. Motion along the epipolar line within the depths around looks static: the monocular ambiguity.
+// A pixel is followed by flow over up to a tenth of the sequence. How far it misses every static point between the
+// nearest and the farthest depth around it (still_points.h) is evidence of motion of its own: at a depth edge flow mixes
+// the motions of both sides. How far the depth maps themselves may be off is measured first, over the whole clip, and
+// the range is widened by it: on a real capture whose walls have no texture the maps would otherwise make the walls
+// move. Where the image has no texture nothing is known. The noise (flow and camera errors) is measured per frame as the
+// median over the image, most of which is taken to be static. Motion along the epipolar line within the range looks
+// static: the monocular ambiguity.
 #pragma once
 
 #include <torch/types.h>
@@ -17,6 +18,7 @@ namespace editnerf {
 struct MotionEvidence {
   torch::Tensor ratio;  // [T, rows, columns] float32, distance over the frame's threshold: >= 1 moves; NaN: unknown
   int64_t cell = 4;     // pixels per cell, both axes
+  double depth_uncertainty = 0;  // share of the depth by which the maps are off where nothing moves
 
   // Median of the 3 x 3 cells around a position, so that an edge in the depth map does not count; 0 if all are unknown.
   double At(int64_t t, const Pixel& p) const;

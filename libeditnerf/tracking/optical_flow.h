@@ -17,6 +17,16 @@ class OpticalFlow {
   // from, to [H, W, 3] uint8 RGB, CPU -> [H, W, 2] float32. May be called from several threads at once.
   // Throws ShapeError unless both images have the same size.
   virtual torch::Tensor Flow(const torch::Tensor& from, const torch::Tensor& to) const = 0;
+
+  // The same with a guess [H, W, 2] float32 to begin from, such as StillFlow (still_flow.h): what is left to be found
+  // may then be far smaller than what the camera causes. By default the guess is not looked at.
+  virtual torch::Tensor FlowFrom(const torch::Tensor& from, const torch::Tensor& to, const torch::Tensor& guess) const {
+    CheckGuess(from, guess);
+    return Flow(from, to);
+  }
+
+ protected:
+  static void CheckGuess(const torch::Tensor& from, const torch::Tensor& guess);  // throws ShapeError
 };
 
 // Dense inverse search (Kroeger et al., ECCV 2016) with variational refinement, as OpenCV implements it. Patches are
@@ -25,6 +35,10 @@ class OpticalFlow {
 class DisFlow : public OpticalFlow {
  public:
   torch::Tensor Flow(const torch::Tensor& from, const torch::Tensor& to) const override;
+  torch::Tensor FlowFrom(const torch::Tensor& from, const torch::Tensor& to, const torch::Tensor& guess) const override;
+
+ private:
+  static torch::Tensor Search(const torch::Tensor& from, const torch::Tensor& to, const torch::Tensor& guess);
 };
 
 }  // namespace editnerf

@@ -24,7 +24,7 @@ class Walk {
   void Run() {
     const int64_t reference = track_.reference_frame;
     position_ = track_.pixel[At(reference)];
-    expected_ = track_.distance[At(reference)];
+    Expect(reference, position_, track_.distance[At(reference)]);
     last_seen_ = anchor_ = reference;
     next_attempt_ = 2;
     for (int64_t t = reference + step_; t >= 0 && t < clip_.num_frames(); t += step_) {
@@ -45,9 +45,10 @@ class Walk {
   // The surface at a position; `elsewhere` when it cannot be the point's: something nearer is in the way, or the static
   // background shows.
   double Surface(int64_t t, const Pixel& p, bool* elsewhere) const {
-    const double found = LocalDepth(clip_.depth[At(t)], p, DepthRadius(clip_), expected_);
-    const bool nearer = found < expected_ * (1 - options_.depth_jump);
-    const bool farther = found > expected_ * (1 + options_.depth_jump);
+    const double expected = Expected(t);
+    const double found = LocalDepth(clip_.depth[At(t)], p, DepthRadius(clip_), expected);
+    const bool nearer = found < expected * (1 - options_.depth_jump);
+    const bool farther = found > expected * (1 + options_.depth_jump);
     *elsewhere = nearer || (farther && motion_ && motion_->At(t, p) < 1);
     return found;
   }
@@ -66,7 +67,9 @@ class Walk {
       lost_ = true;
       return;
     }
+    const double expected = Expected(t);
     position_ = next;
+    Expect(t, next, expected);  // for the time being
     if (!flow.checked) {
       if (++unchecked_ > options_.patience) lost_ = true;
       return;
@@ -77,27 +80,32 @@ class Walk {
       return;
     }
     unchecked_ = 0;
-    Trust(surface);
+    Trust(t, surface);
   }
 
+  // Distance of the point's surface in frame t, as the last frames have it: there it lies at point_.
+  double Expected(int64_t t) const { return Norm(point_ - clip_.cameras[At(t)].position); }
+  void Expect(int64_t t, const Pixel& p, double distance) { point_ = clip_.Lift(t, p, distance); }
+
   // A surface further away than expected is one frame's failure of the depth map, unless it stays there.
-  void Trust(double surface) {
+  void Trust(int64_t t, double surface) {
     if (!std::isfinite(surface)) return;
-    if (!std::isfinite(expected_) || std::abs(surface - expected_) < options_.depth_jump * expected_) {
-      expected_ = surface;
-      disagreements_ = 0;
-    } else if (++disagreements_ > options_.patience) {
-      expected_ = surface;
+    const double expected = Expected(t);
+    if (!std::isfinite(expected) || std::abs(surface - expected) < options_.depth_jump * expected ||
+        ++disagreements_ > options_.patience) {
+      Expect(t, position_, surface);
       disagreements_ = 0;
     }
   }
 
   void Found(int64_t t, const Pixel& p) {
     bool elsewhere = false;
+    const double expected = Expected(t), surface = Surface(t, p, &elsewhere);
     position_ = p;
+    Expect(t, p, expected);
     lost_ = false;
     unchecked_ = 0;
-    Trust(Surface(t, p, &elsewhere));
+    Trust(t, surface);
   }
 
   void Skip(int64_t t) {
@@ -161,31 +169,34 @@ class Walk {
   const PropagationOptions& options_;
   PixelTrack& track_;
   Pixel position_;
-  double expected_ = NAN;      // depth of the point's surface
+  Vec3 point_;                 // where the surface is taken to be; NaN as long as no depth is known
   int64_t disagreements_ = 0;  // frames in a row whose depth was not the expected one
   int64_t unchecked_ = 0;      // frames in a row on flow without forward-backward agreement
   bool lost_ = false;
   int64_t last_seen_ = 0, anchor_ = 0, next_attempt_ = 2;
 };
 
-// Depths along the finished track; those that leave the running median of the visible frames are dropped.
+// Depths along the finished track; those that leave the running median of the visible frames are dropped. A frame's
+// depth counts in another one as the distance of the same point from that camera.
 void MeasureDistances(const Clip& clip, const PropagationOptions& options, PixelTrack* track) {
   const int64_t frames = clip.num_frames(), reference = track->reference_frame;
   const double at_reference = track->distance[At(reference)];
   std::vector<double> raw(At(frames), NAN);
   for (const int64_t step : {int64_t{1}, int64_t{-1}}) {
-    double expected = at_reference;
+    Vec3 point = clip.Lift(reference, track->pixel[At(reference)], at_reference);
     for (int64_t t = reference; t >= 0 && t < frames; t += step) {
       if (!track->visible[At(t)]) continue;
-      raw[At(t)] = LocalDepth(clip.depth[At(t)], track->pixel[At(t)], DepthRadius(clip), expected);
-      if (std::isfinite(raw[At(t)])) expected = raw[At(t)];
+      const Pixel& p = track->pixel[At(t)];
+      raw[At(t)] = LocalDepth(clip.depth[At(t)], p, DepthRadius(clip), Norm(point - clip.cameras[At(t)].position));
+      if (std::isfinite(raw[At(t)])) point = clip.Lift(t, p, raw[At(t)]);
     }
   }
   constexpr int64_t kWindow = 4;
   for (int64_t t = 0; t < frames; ++t) {
+    const Vec3& eye = clip.cameras[At(t)].position;
     std::vector<double> near;
     for (int64_t s = std::max<int64_t>(t - kWindow, 0); s <= std::min(t + kWindow, frames - 1); ++s)
-      if (std::isfinite(raw[At(s)])) near.push_back(raw[At(s)]);
+      if (std::isfinite(raw[At(s)])) near.push_back(Norm(clip.Lift(s, track->pixel[At(s)], raw[At(s)]) - eye));
     track->distance[At(t)] = NAN;
     if (near.empty() || !std::isfinite(raw[At(t)])) continue;
     std::nth_element(near.begin(), near.begin() + static_cast<int64_t>(near.size() / 2), near.end());

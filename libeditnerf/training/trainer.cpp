@@ -156,6 +156,7 @@ NamedTensors Trainer::RayLosses(const RayTargets& batch, const FrameStates& stat
   if (stage_.lambda_distortion > 0) {
     losses.emplace_back("distortion", stage_.lambda_distortion * result.distortion.mean());
   }
+  if (result.depth_miss.defined()) losses.emplace_back("depth", stage_.lambda_depth * result.depth_miss);
   return losses;
 }
 
@@ -175,6 +176,10 @@ NamedTensors Trainer::Backward() {
   options.training = true;
   options.surface = stage_.lambda_ambient > 0 || run_.config.field.warp.enabled;
   options.distortion = stage_.lambda_distortion > 0;
+  if (stage_.lambda_depth > 0) {
+    options.distance = batch.distance;
+    options.tolerance = batch.tolerance;
+  }
   if (stage_.random_background) options.background = Background(rays_.mean_color(), count, step);
   if (marching) {
     options.jitter = torch::rand({count}).to(run_.device);
@@ -188,9 +193,11 @@ NamedTensors Trainer::Backward() {
     RayOptions own = options;
     own.background = rows(options.background);
     own.jitter = rows(options.jitter);
+    own.distance = rows(options.distance);
+    own.tolerance = rows(options.tolerance);
     const FrameStates states = AllStates();
     NamedTensors& terms = losses[static_cast<size_t>(part)];
-    terms = RayLosses({{rows(batch.rays.origin), rows(batch.rays.direction)}, rows(batch.frame), rows(batch.target)},
+    terms = RayLosses({{rows(batch.rays.origin), rows(batch.rays.direction)}, rows(batch.frame), rows(batch.target), {}, {}},
                       states, own, &samples[static_cast<size_t>(part)]);
     const double share = static_cast<double>(end - begin) / static_cast<double>(count);
     for (auto& term : terms) term.second = term.second * share;

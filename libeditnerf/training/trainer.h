@@ -21,6 +21,9 @@ class Trainer {
   // absent too: key points are then moved by the reconstruction alone.
   Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision> supervision, std::filesystem::path folder);
 
+  // Distances to hold the field to (lambda_depth). Before the first step.
+  void SetDepthTargets(const DepthTargets& targets) { rays_.SetDepthTargets(targets); }
+
   // Takes over the optimiser and generator state of a loaded run.
   void Resume(const std::map<std::string, torch::Tensor>& extra);
 

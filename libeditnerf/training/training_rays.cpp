@@ -1,6 +1,13 @@
 #include "libeditnerf/training/training_rays.h"
 
+#include <cmath>
+
 namespace editnerf {
+namespace {
+
+constexpr int64_t kGuidedShare = 4;  // one in so many rays goes through a pixel of known distance
+
+}  // namespace
 
 TrainingRays::TrainingRays(const Scene& scene, const std::vector<int64_t>& frames, torch::Device device) {
   std::vector<Camera> cameras;
@@ -13,15 +20,33 @@ TrainingRays::TrainingRays(const Scene& scene, const std::vector<int64_t>& frame
   mean_color_ = (sum / (255.0 * static_cast<double>(images_.size(0)))).to(torch::kFloat32);
 }
 
+void TrainingRays::SetDepthTargets(const DepthTargets& targets) {
+  targets_ = targets;
+  if (targets_.size() == 0) return;
+  const torch::Device device = images_.device();
+  const int64_t height = images_.size(1), width = images_.size(2);
+  for (torch::Tensor* part : {&targets_.frame, &targets_.pixel, &targets_.distance, &targets_.tolerance})
+    *part = part->to(device);
+  target_pixel_ = (targets_.frame * height + targets_.pixel.select(1, 1)) * width + targets_.pixel.select(1, 0);
+}
+
 RayTargets TrainingRays::Sample(int64_t count) const {
   const int64_t height = images_.size(1), width = images_.size(2);
   const torch::Device device = images_.device();
   // Drawn on the CPU on every device, so that one seed gives one sequence of rays.
-  const torch::Tensor pixel = torch::randint(images_.size(0) * height * width, {count}, torch::kInt64).to(device);
+  torch::Tensor pixel = torch::randint(images_.size(0) * height * width, {count}, torch::kInt64).to(device);
+  RayTargets batch;
+  if (const int64_t guided = count / kGuidedShare; targets_.size() > 0 && guided > 0) {
+    const torch::Tensor target = torch::randint(targets_.size(), {guided}, torch::kInt64).to(device);
+    pixel.slice(0, 0, guided) = target_pixel_.index_select(0, target);
+    batch.distance = torch::full({count}, NAN, images_.options().dtype(torch::kFloat32));
+    batch.tolerance = torch::zeros_like(batch.distance);
+    batch.distance.slice(0, 0, guided) = targets_.distance.index_select(0, target);
+    batch.tolerance.slice(0, 0, guided) = targets_.tolerance.index_select(0, target);
+  }
   const torch::Tensor frame = pixel.div(height * width, "floor");
   const torch::Tensor within = pixel - frame * (height * width);
   const torch::Tensor row = within.div(width, "floor"), column = within - row * width;
-  RayTargets batch;
   batch.frame = frame;
   batch.rays = RaysThroughPixels(cameras_, frame, torch::stack({column, row}, 1).to(torch::kFloat32) + 0.5);
   batch.target = images_.view({-1, 3}).index_select(0, pixel).to(torch::kFloat32) / 255;

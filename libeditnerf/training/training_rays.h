@@ -9,19 +9,24 @@
 #include "libeditnerf/geometry/camera_tensors.h"
 #include "libeditnerf/geometry/rays.h"
 #include "libeditnerf/scene/scene.h"
+#include "libeditnerf/training/depth_targets.h"
 
 namespace editnerf {
 
 struct RayTargets {
-  Rays rays;             // [R]
-  torch::Tensor frame;   // [R] int64, rows of the list that the sampler was made of
-  torch::Tensor target;  // [R, 3], colours in [0, 1]
+  Rays rays;                          // [R]
+  torch::Tensor frame;                // [R] int64, rows of the list that the sampler was made of
+  torch::Tensor target;               // [R, 3], colours in [0, 1]
+  torch::Tensor distance, tolerance;  // [R], of DepthTargets, NaN where unknown; undefined without any
 };
 
 class TrainingRays {
  public:
   // The pixels of the scene's frames `frames` (indices into scene.frames); images stay 8 bit on `device`.
   TrainingRays(const Scene& scene, const std::vector<int64_t>& frames, torch::Device device);
+
+  // From now on a quarter of the rays goes through pixels of known distance.
+  void SetDepthTargets(const DepthTargets& targets);
 
   // `count` pixels drawn uniformly, with repetition, from LibTorch's default CPU generator.
   RayTargets Sample(int64_t count) const;
@@ -33,6 +38,8 @@ class TrainingRays {
   CameraTensors cameras_;
   torch::Tensor images_;      // [F, H, W, 3] uint8
   torch::Tensor mean_color_;  // [3]
+  DepthTargets targets_;
+  torch::Tensor target_pixel_;  // [M] int64 into all pixels
 };
 
 }  // namespace editnerf

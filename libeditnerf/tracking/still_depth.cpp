@@ -1,0 +1,130 @@
+#include "libeditnerf/tracking/still_depth.h"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <vector>
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/interrupt.h"
+#include "libeditnerf/base/parallel.h"
+#include "libeditnerf/base/progress.h"
+#include "libeditnerf/tracking/still_points.h"
+
+namespace editnerf {
+namespace {
+
+constexpr int64_t kSpacingAt320 = 6;  // pixels between the points that are looked for
+constexpr int64_t kLeastReach = 6, kMostReach = 16;
+constexpr size_t kShortestChain = 3;
+constexpr double kMostMiss = 0.75;  // pixels at 320 wide
+constexpr double kMostPrecise = 0.005, kLeastPrecise = 0.15;
+constexpr int64_t kWitnesses = 24;        // other frames that are asked about a point
+constexpr double kMostSeenThrough = 0.2;  // of the frames that see the place
+
+// One row of distances and precisions for every frame; NaN where nothing is known.
+class StillMap {
+ public:
+  StillMap(const Clip& clip, double near, double far)
+      : clip_(clip),
+        spacing_(std::max<int64_t>(2, std::llround(kSpacingAt320 * clip.PixelScale()))),
+        rows_(clip.height / spacing_),
+        columns_(clip.width / spacing_) {
+    const int64_t frames = clip.num_frames(), reach = std::clamp(frames / 10, kLeastReach, kMostReach);
+    const auto cells = static_cast<size_t>(frames * rows_ * columns_);
+    distance_.assign(cells, NAN);
+    precision_.assign(cells, NAN);
+    Progress progress("static depth", static_cast<double>(frames));
+    std::mutex mutex;
+    int64_t done = 0;
+    ParallelFor(frames, 1, [&](int64_t begin, int64_t end) {
+      for (int64_t t = begin; t < end; ++t) {
+        if (InterruptRequested()) Throw<Interrupted>("interrupted while the static depth was triangulated");
+        for (int64_t i = 0; i < rows_ * columns_; ++i) Find(t, i, {near, far}, reach);
+        const std::lock_guard<std::mutex> lock(mutex);
+        progress.Update(static_cast<double>(++done));
+      }
+    });
+    progress.Finish();
+  }
+
+  int64_t count() const { return rows_ * columns_; }
+  Pixel Center(int64_t cell) const {
+    return {(static_cast<double>(cell % columns_) + 0.5) * static_cast<double>(spacing_),
+            (static_cast<double>(cell / columns_) + 0.5) * static_cast<double>(spacing_)};
+  }
+  double Distance(int64_t t, int64_t cell) const { return distance_[Index(t, cell)]; }
+  double Precision(int64_t t, int64_t cell) const { return precision_[Index(t, cell)]; }
+
+  // Whether the frames that see the place agree that there is a surface.
+  bool Agreed(int64_t t, int64_t cell) const {
+    const Vec3 point = clip_.Lift(t, Center(cell), Distance(t, cell));
+    const int64_t frames = clip_.num_frames(), step = std::max<int64_t>(1, frames / kWitnesses);
+    int64_t agreed = 0, through = 0;
+    for (int64_t s = t % step; s < frames; s += step) {
+      if (s == t) continue;
+      const Projected projected = Project(clip_.cameras[static_cast<size_t>(s)], point);
+      const Pixel at = {projected.u, projected.v};
+      if (!projected.valid || !clip_.Inside(at)) continue;
+      const int64_t row = static_cast<int64_t>(at.v) / spacing_, column = static_cast<int64_t>(at.u) / spacing_;
+      if (row >= rows_ || column >= columns_) continue;
+      const int64_t there = row * columns_ + column;
+      const double seen = Distance(s, there), expected = Norm(point - clip_.cameras[static_cast<size_t>(s)].position);
+      if (std::isnan(seen)) continue;
+      const double slack = 2 * (Precision(s, there) + Precision(t, cell)) + 0.03;
+      if (seen > expected * (1 + slack)) {
+        ++through;
+      } else if (seen > expected / (1 + slack)) {
+        ++agreed;
+      }
+    }
+    return static_cast<double>(through) <= kMostSeenThrough * static_cast<double>(agreed + through);
+  }
+
+ private:
+  size_t Index(int64_t t, int64_t cell) const { return static_cast<size_t>(t * rows_ * columns_ + cell); }
+
+  void Find(int64_t t, int64_t cell, const DepthRange& range, int64_t reach) {
+    const Pixel p = Center(cell);
+    const Texture texture = TextureAround(clip_.gray[static_cast<size_t>(t)], p);
+    if (!texture.Enough()) return;
+    const Chain chain = FollowFlow(clip_, t, p, reach);
+    if (chain.frame.size() < kShortestChain) return;
+    const StillPoint still = FindStillPoint(clip_, t, p, range, chain, texture);
+    if (!(still.miss < kMostMiss * clip_.PixelScale()) || !(still.precision <= kLeastPrecise)) return;
+    distance_[Index(t, cell)] = still.distance;
+    precision_[Index(t, cell)] = still.precision;
+  }
+
+  const Clip& clip_;
+  int64_t spacing_, rows_, columns_;
+  std::vector<double> distance_, precision_;
+};
+
+}  // namespace
+
+DepthTargets TriangulateStillDepth(const Clip& clip, double near, double far) {
+  const StillMap map(clip, near, far);
+  std::vector<int64_t> frame, pixel;
+  std::vector<float> distance, tolerance;
+  for (int64_t t = 0; t < clip.num_frames(); ++t) {
+    for (int64_t cell = 0; cell < map.count(); ++cell) {
+      if (std::isnan(map.Distance(t, cell)) || !map.Agreed(t, cell)) continue;
+      const Pixel center = map.Center(cell);
+      frame.push_back(t);
+      pixel.push_back(static_cast<int64_t>(center.u));
+      pixel.push_back(static_cast<int64_t>(center.v));
+      distance.push_back(static_cast<float>(map.Distance(t, cell)));
+      tolerance.push_back(static_cast<float>(std::max(kMostPrecise, 0.5 * map.Precision(t, cell))));
+    }
+  }
+  const auto count = static_cast<int64_t>(distance.size());
+  DepthTargets targets;
+  targets.frame = torch::tensor(frame, torch::kInt64);
+  targets.pixel = torch::tensor(pixel, torch::kInt64).view({count, 2});
+  targets.distance = torch::tensor(distance, torch::kFloat32);
+  targets.tolerance = torch::tensor(tolerance, torch::kFloat32);
+  return targets;
+}
+
+}  // namespace editnerf

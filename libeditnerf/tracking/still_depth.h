@@ -1,0 +1,17 @@
+// Depth of the static scene by triangulation along the optical flow: what pretraining may rely on from its first step.
+//
+// A pretrained HyperNeRF may give every frame a world of its own: where few frames see a surface, or none from another
+// side, nothing in the colours says how far it is. But flow and cameras do, wherever there is texture and parallax
+// (still_points.h). A distance is kept where flow leads to one static point, and where no other frame looks through
+// that point: what it sees there is as near, or nearer.
+#pragma once
+
+#include "libeditnerf/tracking/clip.h"
+#include "libeditnerf/training/depth_targets.h"
+
+namespace editnerf {
+
+// near and far: scene units, what is looked for. The clip's depth is not read, and may be undefined.
+DepthTargets TriangulateStillDepth(const Clip& clip, double near, double far);
+
+}  // namespace editnerf
