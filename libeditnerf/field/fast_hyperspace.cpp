@@ -100,4 +100,24 @@ HyperspaceOutput FastHyperspace::Evaluate(const HyperspaceInput& input) {
   return result;
 }
 
+void FastHyperspace::AddTo(FusedField* field) const {
+  const FastFieldConfig& config = options_.config;
+  const Vec3& low = options_.box.low;
+  field->canonical = {canonical_table_, canonical_resolutions_};
+  field->low = {static_cast<float>(low.x), static_cast<float>(low.y), static_cast<float>(low.z)};
+  field->side = static_cast<float>(options_.box.LongestSide());
+  if (options_.anchored) field->local = {local_table_, local_resolutions_};
+  field->local_side = static_cast<float>(options_.box.LongestSide() * config.local_extent);
+  field->fade_margin = static_cast<float>(kFade);
+  field->ambient_dim = options_.ambient_dim;
+  field->ambient_octaves = config.ambient_octaves;
+  field->ambient_window = static_cast<float>(ambient_window_);
+  field->density = density_network_->Layers();
+  field->density_bias = static_cast<float>(config.density_bias);
+  field->density_limit = static_cast<float>(kMaxLogDensity);
+  field->color = color_network_->Layers();
+  field->use_direction = options_.use_direction;
+  field->appearance_dim = options_.appearance_dim;
+}
+
 }  // namespace editnerf

@@ -17,6 +17,7 @@
 #include "libeditnerf/field/mlp.h"
 #include "libeditnerf/field/positional_encoding.h"
 #include "libeditnerf/geometry/box.h"
+#include "libeditnerf/kernels/fused_field.h"
 
 namespace editnerf {
 
@@ -36,6 +37,9 @@ class FastHyperspace : public HyperspaceNetwork {
   HyperspaceOutput Evaluate(const HyperspaceInput& input) override;
   torch::Tensor Density(const HyperspaceInput& input) override;
   void SetStep(int64_t step) override;
+
+  // Fills in its part: encodings, density and colour.
+  void AddTo(FusedField* field) const;
 
  private:
   torch::Tensor DensityFeatures(const HyperspaceInput& input);  // [S, 1 + geometry_features]

@@ -139,4 +139,20 @@ FieldOutput HyperspaceField::EvaluateDensity(const FieldInput& input, const Fram
   return output;
 }
 
+std::optional<FusedField> HyperspaceField::Fused() const {
+  const auto* const fast = dynamic_cast<const FastHyperspace*>(fine_.get());
+  if (fast == nullptr || warp_) return std::nullopt;
+  FusedField field;
+  fast->AddTo(&field);
+  if (slicing_ && !slicing_->AddTo(&field)) return std::nullopt;
+  if (key_points_) {
+    field.num_key_points = num_key_points();
+    field.key_scale = key_points_->scale;
+    field.key_offset = key_points_->offset;
+  }
+  if (weights_) weights_->AddTo(&field);
+  if (!CanFuse(field)) return std::nullopt;
+  return field;
+}
+
 }  // namespace editnerf

@@ -37,6 +37,10 @@ class HyperspaceField : public RadianceField {
   FieldOutput Evaluate(const FieldInput& input, const FrameStates& states, Level level) override;
   FieldOutput EvaluateDensity(const FieldInput& input, const FrameStates& states, Level level) override;
 
+  // The fast field without warp, in float32 on the CPU: everything that configs/fast.yaml makes. The paper's networks,
+  // a warp field, other devices and other types go module by module, which is also what the kernels are tested against.
+  std::optional<FusedField> Fused() const override;
+
   const HyperspaceFieldOptions& options() const { return options_; }
   int64_t num_key_points() const { return options_.stage == FieldStage::kTrain ? options_.num_key_points : 0; }
   KeyPointTable key_points() { return key_points_; }  // empty in pretraining

@@ -54,7 +54,7 @@ MlpLayers MlpImpl::Layers() const {
 }
 
 torch::Tensor MlpImpl::forward(const std::vector<torch::Tensor>& parts) {
-  if (options_.skip_layer == 0) {
+  if (!has_skip()) {
     const MlpLayers layers = Layers();
     if (CanFuseMlp(parts, layers)) return FusedMlp(parts, layers);
   }

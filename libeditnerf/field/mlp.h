@@ -49,10 +49,10 @@ class MlpImpl : public torch::nn::Module {
   torch::Tensor forward(const std::vector<torch::Tensor>& parts);
 
   int64_t output_dim() const { return options_.out > 0 ? options_.out : options_.width; }
+  bool has_skip() const { return options_.skip_layer > 0 && options_.skip_layer < options_.depth; }
+  MlpLayers Layers() const;  // of a network without skip
 
  private:
-  MlpLayers Layers() const;
-
   MlpOptions options_;
   std::vector<torch::nn::Linear> hidden_;  // "hidden0", ...
   torch::nn::Linear output_ = nullptr;     // "output"

@@ -10,7 +10,10 @@
 #include <torch/nn/module.h>
 #include <torch/types.h>
 
+#include <optional>
+
 #include "libeditnerf/config/field_config.h"
+#include "libeditnerf/kernels/fused_field.h"
 
 namespace editnerf {
 
@@ -60,6 +63,15 @@ class RadianceField : public torch::nn::Module {
 
   // The same without radiance: cheaper, and `input.direction` is not read.
   virtual FieldOutput EvaluateDensity(const FieldInput& input, const FrameStates& states, Level level) = 0;
+
+  // The same field as data for the fused kernels (kernels/fused_field.h), or nothing where it has to be evaluated
+  // module by module. Renderers and the trainer ask here, and nowhere else, which of the two ways to go.
+  virtual std::optional<FusedField> Fused() const { return std::nullopt; }
 };
+
+// What the fused kernels read of the states.
+inline FusedStates FusedStatesOf(const FrameStates& states) {
+  return {states.key_points, states.warp_code, states.appearance_code};
+}
 
 }  // namespace editnerf

@@ -27,4 +27,12 @@ torch::Tensor SlicingNetworkImpl::forward(const torch::Tensor& x_observed, const
   return mlp_->forward(std::vector<torch::Tensor>{encoding_.forward(x_observed), warp_code});
 }
 
+bool SlicingNetworkImpl::AddTo(FusedField* field) const {
+  if (mlp_->has_skip()) return false;
+  field->slicing = mlp_->Layers();
+  field->slicing_octaves = encoding_.num_octaves();
+  field->code_dim = code_dim_;
+  return true;
+}
+
 }  // namespace editnerf

@@ -15,6 +15,7 @@
 #include "libeditnerf/config/field_config.h"
 #include "libeditnerf/field/mlp.h"
 #include "libeditnerf/field/positional_encoding.h"
+#include "libeditnerf/kernels/fused_field.h"
 
 namespace editnerf {
 
@@ -24,6 +25,9 @@ class SlicingNetworkImpl : public torch::nn::Module {
 
   // x_observed [S, 3], scene units; warp_code [S, code_dim] -> ambient [S, ambient_dim]. Throws ShapeError.
   torch::Tensor forward(const torch::Tensor& x_observed, const torch::Tensor& warp_code);
+
+  // Fills in its part, or returns false: kernels know no networks with a skip.
+  bool AddTo(FusedField* field) const;
 
  private:
   int64_t code_dim_;

@@ -60,10 +60,21 @@ torch::Tensor WeightNetworkImpl::forward(const torch::Tensor& x_canonical) {
   torch::Tensor logits = mlp_->forward(std::vector<torch::Tensor>{encoding_.forward(x_canonical)});
   if (prior_ > 0) {
     const int64_t count = anchors_.size(0);
-    const torch::Tensor distance = torch::cdist(x_canonical.reshape({-1, 3}), anchors_.reshape({-1, 3}));
+    // By differences: from products, short distances lose half their digits.
+    constexpr int64_t kWithoutProducts = 2;
+    const torch::Tensor distance =
+        torch::cdist(x_canonical.reshape({-1, 3}), anchors_.reshape({-1, 3}), 2, kWithoutProducts);
     logits = logits - prior_ / spacing_ * distance.view({-1, count, kAnchors}).amin(-1).view(logits.sizes());
   }
   return torch::softmax(logits, -1);
+}
+
+void WeightNetworkImpl::AddTo(FusedField* field) const {
+  field->weights = mlp_->Layers();
+  field->weight_octaves = encoding_.num_octaves();
+  if (prior_ == 0) return;
+  field->anchors = anchors_;
+  field->prior = static_cast<float>(prior_ / spacing_.item<double>());
 }
 
 }  // namespace editnerf

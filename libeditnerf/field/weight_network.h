@@ -18,6 +18,7 @@
 #include "libeditnerf/config/field_config.h"
 #include "libeditnerf/field/mlp.h"
 #include "libeditnerf/field/positional_encoding.h"
+#include "libeditnerf/kernels/fused_field.h"
 
 namespace editnerf {
 
@@ -31,6 +32,9 @@ class WeightNetworkImpl : public torch::nn::Module {
   // x_canonical [..., 3], scene units -> weights [..., N]; same dtype and device. Throws ShapeError unless the last
   // dimension is 3.
   torch::Tensor forward(const torch::Tensor& x_canonical);
+
+  // Fills in its part.
+  void AddTo(FusedField* field) const;
 
  private:
   PositionalEncoding encoding_;

@@ -24,7 +24,9 @@ template <DenseResult kResult>
 HWY_INLINE void Finish(const DenseProduct& p, Vector sum, int64_t row, int64_t column) {
   const Tag tag;
   float* const c = p.c + row * p.c_row + column;
-  if constexpr (kResult == DenseResult::kBiasRelu) sum = hn::Max(sum, hn::Zero(tag));
+  // In this order a NaN stays one on x86, as in torch::relu.
+  constexpr bool kRelu = kResult == DenseResult::kBiasRelu || kResult == DenseResult::kRowBiasRelu;
+  if constexpr (kRelu) sum = hn::Max(hn::Zero(tag), sum);
   if constexpr (kResult == DenseResult::kAdd) sum = hn::Add(sum, hn::LoadU(tag, c));
   if constexpr (kResult == DenseResult::kMask) {
     const Vector mask = hn::LoadU(tag, p.mask + row * p.mask_row + column);
@@ -42,6 +44,11 @@ HWY_INLINE void Block(const DenseProduct& p, int64_t row, int64_t column) {
     constexpr bool kHasBias = kResult == DenseResult::kBias || kResult == DenseResult::kBiasRelu;
     const Vector start = kHasBias ? hn::LoadU(tag, p.bias + column + v * lanes) : hn::Zero(tag);
     for (int r = 0; r < kRows; ++r) sum[r][v] = start;
+  }
+  if constexpr (kResult == DenseResult::kRowBias || kResult == DenseResult::kRowBiasRelu) {
+    for (int r = 0; r < kRows; ++r) {
+      for (int v = 0; v < kVectors; ++v) sum[r][v] = hn::Set(tag, p.bias[row + r]);
+    }
   }
   const float* a = p.a + row * p.a_row;
   const float* b = p.b + column;
@@ -86,6 +93,10 @@ void MultiplyBy(const DenseProduct& p, DenseResult result) {
       return Multiply<DenseResult::kBias>(p);
     case DenseResult::kBiasRelu:
       return Multiply<DenseResult::kBiasRelu>(p);
+    case DenseResult::kRowBias:
+      return Multiply<DenseResult::kRowBias>(p);
+    case DenseResult::kRowBiasRelu:
+      return Multiply<DenseResult::kRowBiasRelu>(p);
     case DenseResult::kMask:
       return Multiply<DenseResult::kMask>(p);
     case DenseResult::kAdd:

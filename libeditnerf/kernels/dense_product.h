@@ -12,11 +12,13 @@ inline int64_t PaddedWidth(int64_t width) { return (width + kDensePadding - 1) /
 
 // What becomes of a result c = (a b)[m, n].
 enum class DenseResult {
-  kStore,     // c
-  kBias,      // c + bias[n]
-  kBiasRelu,  // max(c + bias[n], 0)
-  kMask,      // c where mask[m, n] > 0, else 0: the gradient through a ReLU
-  kAdd,       // added to what is there
+  kStore,        // c
+  kBias,         // c + bias[n]
+  kBiasRelu,     // max(c + bias[n], 0)
+  kRowBias,      // c + bias[m]
+  kRowBiasRelu,  // max(c + bias[m], 0)
+  kMask,         // c where mask[m, n] > 0, else 0: the gradient through a ReLU
+  kAdd,          // added to what is there
 };
 
 // float32, all pointers to memory of the caller; a is read element by element through its two strides, so that it may
@@ -29,7 +31,7 @@ struct DenseProduct {
   int64_t b_row = 0;
   float* c = nullptr;
   int64_t c_row = 0;
-  const float* bias = nullptr;  // [columns]
+  const float* bias = nullptr;  // [columns] or, for the modes with a row bias, [rows]
   const float* mask = nullptr;
   int64_t mask_row = 0;
 };

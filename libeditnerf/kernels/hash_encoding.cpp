@@ -26,8 +26,16 @@ constexpr int64_t kMaxFeatures = 8;
 template <class T, int64_t kFeatures>
 constexpr bool kHasLevelKernel = std::is_same_v<T, float>&& kFeatures == 2;
 
-HashTile LoadTile(const float* x, int64_t first, int64_t count) {
-  HashTile tile;
+// Some samples in the layout of hash_level.h, coordinate by coordinate.
+struct LevelTile {
+  int64_t count;
+  alignas(64) float x[3][kHashTile];
+  alignas(64) float feature[2][kHashTile];  // or its gradient
+
+  HashPoints Points() const { return {count, {x[0], x[1], x[2]}}; }
+};
+
+void LoadPoints(const float* x, int64_t first, int64_t count, LevelTile& tile) {
   tile.count = std::min(count - first, kHashTile);
   for (int64_t s = 0; s < kHashTile; ++s) {
     for (int axis = 0; axis < 3; ++axis) {
@@ -35,24 +43,37 @@ HashTile LoadTile(const float* x, int64_t first, int64_t count) {
       tile.x[axis][s] = value >= 0 ? std::min(value, 1.0F) : 0.0F;  // a NaN becomes 0
     }
   }
-  return tile;
+}
+
+// rows[s * stride], rows[s * stride + 1]: the two features of sample s in one level.
+void LoadFeatures(const float* rows, int64_t stride, LevelTile& tile) {
+  for (int64_t s = 0; s < tile.count; ++s) {
+    for (int f = 0; f < 2; ++f) tile.feature[f][s] = rows[s * stride + f];
+  }
 }
 
 // body(tile, its first sample)
 template <class Body>
 void ForTiles(const float* x, int64_t count, const Body& body) {
   ParallelFor((count + kHashTile - 1) / kHashTile, 4, [&](int64_t first_tile, int64_t last_tile) {
-    for (int64_t t = first_tile; t < last_tile; ++t) body(LoadTile(x, t * kHashTile, count), t * kHashTile);
+    LevelTile tile;
+    for (int64_t t = first_tile; t < last_tile; ++t) {
+      LoadPoints(x, t * kHashTile, count, tile);
+      body(tile, t * kHashTile);
+    }
   });
 }
 
 void ForwardTiles(const float* x, const float* table, const std::vector<int64_t>& resolutions, int64_t count,
                   int64_t table_size, float* out) {
   const auto levels = static_cast<int64_t>(resolutions.size());
-  ForTiles(x, count, [&](const HashTile& tile, int64_t first) {
+  ForTiles(x, count, [&](LevelTile& tile, int64_t first) {
     for (int64_t l = 0; l < levels; ++l) {
-      EncodeHashLevel(tile, {resolutions[l], table_size}, table + 2 * l * table_size, out + 2 * (first * levels + l),
-                      2 * levels);
+      EncodeHashLevel(tile.Points(), {resolutions[l], table_size}, table + 2 * l * table_size, tile.feature[0],
+                      tile.feature[1]);
+      for (int64_t s = 0; s < tile.count; ++s) {
+        for (int f = 0; f < 2; ++f) out[2 * ((first + s) * levels + l) + f] = tile.feature[f][s];
+      }
     }
   });
 }
@@ -61,10 +82,12 @@ void BackwardTableTiles(const float* x, const float* grad_out, const std::vector
                         int64_t table_size, float* grad_table) {
   const auto levels = static_cast<int64_t>(resolutions.size());
   ParallelFor(levels, 1, [&](int64_t first_level, int64_t last_level) {
+    LevelTile tile;
     for (int64_t first = 0; first < count; first += kHashTile) {
-      const HashTile tile = LoadTile(x, first, count);
+      LoadPoints(x, first, count, tile);
       for (int64_t l = first_level; l < last_level; ++l) {
-        ScatterHashLevel(tile, {resolutions[l], table_size}, grad_out + 2 * (first * levels + l), 2 * levels,
+        LoadFeatures(grad_out + 2 * (first * levels + l), 2 * levels, tile);
+        ScatterHashLevel(tile.Points(), {resolutions[l], table_size}, tile.feature[0], tile.feature[1],
                          grad_table + 2 * l * table_size);
       }
     }
@@ -74,11 +97,13 @@ void BackwardTableTiles(const float* x, const float* grad_out, const std::vector
 void BackwardPositionTiles(const float* x, const float* table, const float* grad_out,
                            const std::vector<int64_t>& resolutions, int64_t count, int64_t table_size, float* grad_x) {
   const auto levels = static_cast<int64_t>(resolutions.size());
-  ForTiles(x, count, [&](const HashTile& tile, int64_t first) {
+  ForTiles(x, count, [&](LevelTile& tile, int64_t first) {
     float slope[3][kHashTile] = {};
+    float* const slopes[3] = {slope[0], slope[1], slope[2]};
     for (int64_t l = 0; l < levels; ++l) {
-      SlopeHashLevel(tile, {resolutions[l], table_size}, table + 2 * l * table_size,
-                     grad_out + 2 * (first * levels + l), 2 * levels, slope);
+      LoadFeatures(grad_out + 2 * (first * levels + l), 2 * levels, tile);
+      SlopeHashLevel(tile.Points(), {resolutions[l], table_size}, table + 2 * l * table_size, tile.feature[0],
+                     tile.feature[1], slopes);
     }
     for (int64_t s = 0; s < tile.count; ++s) {
       for (int axis = 0; axis < 3; ++axis) {

@@ -19,15 +19,16 @@ using WordTag = hn::Rebind<uint32_t, FloatTag>;
 // but compilers do.
 using Pair = float __attribute__((vector_size(16)));
 
-// Where the cells of a tile lie in a level. Of the four edges of a cell along the first axis, edge jk has the upper
-// neighbour along the second axis where jk & 1, and along the third where jk & 2.
+// Where the cells of the samples lie in a level. Of the four edges of a cell along the first axis, edge jk has the
+// upper neighbour along the second axis where jk & 1, and along the third where jk & 2.
 struct Cells {
   alignas(64) uint32_t entry[4][kHashTile];  // of an edge's lower end
   alignas(64) float fraction[3][kHashTile];
   alignas(64) float weight[4][kHashTile];  // of an edge
+  bool wraps;                              // whether some edge's upper end is the table's first entry
 };
 
-HWY_INLINE void FindCells(const HashTile& tile, const hash_index::Level& level, int64_t resolution, Cells& cells) {
+HWY_INLINE void FindCells(const HashPoints& points, const hash_index::Level& level, int64_t resolution, Cells& cells) {
   const FloatTag f;
   const IntTag i;
   const WordTag w;
@@ -36,11 +37,12 @@ HWY_INLINE void FindCells(const HashTile& tile, const hash_index::Level& level, 
   const auto last = hn::Set(i, static_cast<int32_t>(resolution - 1));
   const auto mask = hn::Set(w, level.mask), one = hn::Set(w, 1);
   const auto unit = hn::Set(f, 1.0F);
-  for (int64_t s = 0; s < tile.count; s += lanes) {
+  auto highest = hn::Zero(w);
+  for (int64_t s = 0; s < points.count; s += lanes) {
     hn::Vec<WordTag> corner[3];
     hn::Vec<FloatTag> upper[3], lower[3];
     for (int axis = 0; axis < 3; ++axis) {
-      const auto scaled = hn::Mul(hn::Load(f, tile.x[axis] + s), scale);
+      const auto scaled = hn::Mul(hn::LoadU(f, points.x[axis] + s), scale);
       const auto cell = hn::Min(hn::ConvertTo(i, scaled), last);
       corner[axis] = hn::BitCast(w, cell);
       upper[axis] = hn::Sub(scaled, hn::ConvertTo(f, cell));
@@ -53,10 +55,13 @@ HWY_INLINE void FindCells(const HashTile& tile, const hash_index::Level& level, 
       const auto row = level.dense ? hn::Mul(hn::Set(w, level.side), hn::Add(y, hn::Mul(hn::Set(w, level.side), z)))
                                    : hn::Xor(hn::Mul(y, hn::Set(w, hash_index::kPrimeY)),
                                              hn::Mul(z, hn::Set(w, hash_index::kPrimeZ)));
-      hn::Store(hn::And(hn::Add(corner[0], row), mask), w, cells.entry[jk] + s);
+      const auto entry = hn::And(hn::Add(corner[0], row), mask);
+      highest = hn::Max(highest, entry);
+      hn::Store(entry, w, cells.entry[jk] + s);
       hn::Store(hn::Mul(j ? upper[1] : lower[1], k ? upper[2] : lower[2]), f, cells.weight[jk] + s);
     }
   }
+  cells.wraps = hn::GetLane(hn::MaxOfLanes(w, highest)) == level.mask;
 }
 
 HWY_INLINE Pair Load(const float* from) {
@@ -65,69 +70,96 @@ HWY_INLINE Pair Load(const float* from) {
   return pair;
 }
 
+HWY_INLINE void Store(Pair pair, float* to) { __builtin_memcpy(to, &pair, sizeof(pair)); }
+
 HWY_INLINE Pair Repeat(float x) { return Pair{x, x, x, x}; }
 
 // Both ends of an edge. The upper end follows in memory but for the last entry, whose neighbour is the first.
+template <bool kWraps>
 HWY_INLINE Pair LoadEdge(const float* features, uint32_t entry, uint32_t mask) {
   const float* const at = features + 2 * static_cast<size_t>(entry);
-  if (HWY_LIKELY(entry != mask)) return Load(at);
+  if (!kWraps || HWY_LIKELY(entry != mask)) return Load(at);
   return Pair{at[0], at[1], features[0], features[1]};
 }
 
+template <bool kWraps>
 HWY_INLINE void AddToEdge(Pair value, float* features, uint32_t entry, uint32_t mask) {
   float* const at = features + 2 * static_cast<size_t>(entry);
-  if (HWY_LIKELY(entry != mask)) {
-    const Pair sum = Load(at) + value;
-    __builtin_memcpy(at, &sum, sizeof(sum));
-    return;
-  }
+  if (!kWraps || HWY_LIKELY(entry != mask)) return Store(Load(at) + value, at);
   at[0] += value[0], at[1] += value[1];
   features[0] += value[2], features[1] += value[3];
 }
 
-void Encode(const HashTile& tile, const HashLevel& where, const float* features, float* out, int64_t stride) {
-  const hash_index::Level level(where.resolution, where.table_size);
-  Cells cells;
-  FindCells(tile, level, where.resolution, cells);
-  for (int64_t s = 0; s < tile.count; ++s) {
-    Pair ends = {};
-    for (int jk = 0; jk < 4; ++jk) {
-      ends += LoadEdge(features, cells.entry[jk][s], level.mask) * Repeat(cells.weight[jk][s]);
+template <bool kWraps>
+HWY_INLINE void EncodeCells(const Cells& cells, int64_t count, const float* features, uint32_t mask, float* out0,
+                            float* out1) {
+  alignas(64) float ends[4 * 16];  // of 16 samples
+  const FloatTag f;
+  const auto lanes = static_cast<int64_t>(hn::Lanes(f));
+  for (int64_t first = 0; first < count; first += 16) {
+    for (int64_t i = 0; i < 16; ++i) {
+      const int64_t s = first + i;
+      Pair sum = {};
+      for (int jk = 0; jk < 4; ++jk) {
+        sum += LoadEdge<kWraps>(features, cells.entry[jk][s], mask) * Repeat(cells.weight[jk][s]);
+      }
+      Store(sum, ends + 4 * i);
     }
-    const float upper = cells.fraction[0][s];
-    out[s * stride] = ends[0] + upper * (ends[2] - ends[0]);
-    out[s * stride + 1] = ends[1] + upper * (ends[3] - ends[1]);
+    for (int64_t i = 0; i < 16; i += lanes) {
+      hn::Vec<FloatTag> low0, low1, high0, high1;
+      hn::LoadInterleaved4(f, ends + 4 * i, low0, low1, high0, high1);
+      const auto upper = hn::Load(f, cells.fraction[0] + first + i);
+      hn::StoreU(hn::MulAdd(upper, hn::Sub(high0, low0), low0), f, out0 + first + i);
+      hn::StoreU(hn::MulAdd(upper, hn::Sub(high1, low1), low1), f, out1 + first + i);
+    }
   }
 }
 
-void Scatter(const HashTile& tile, const HashLevel& where, const float* grad, int64_t stride, float* grad_features) {
+void Encode(const HashPoints& points, const HashLevel& where, const float* features, float* out0, float* out1) {
   const hash_index::Level level(where.resolution, where.table_size);
   Cells cells;
-  FindCells(tile, level, where.resolution, cells);
-  for (int64_t s = 0; s < tile.count; ++s) {
-    const float g0 = grad[s * stride], g1 = grad[s * stride + 1];
-    if (g0 == 0 && g1 == 0) continue;  // behind the surface
+  const HashPoints whole = {(points.count + 15) / 16 * 16, {points.x[0], points.x[1], points.x[2]}};
+  FindCells(whole, level, where.resolution, cells);
+  if (cells.wraps) return EncodeCells<true>(cells, points.count, features, level.mask, out0, out1);
+  EncodeCells<false>(cells, points.count, features, level.mask, out0, out1);
+}
+
+template <bool kWraps>
+HWY_INLINE void ScatterCells(const Cells& cells, int64_t count, const float* grad0, const float* grad1, uint32_t mask,
+                             float* grad_features) {
+  for (int64_t s = 0; s < count; ++s) {
+    const float g0 = grad0[s], g1 = grad1[s];
+    if (g0 == 0 && g1 == 0) continue;  // outside the local cube
     const float upper = cells.fraction[0][s], lower = 1 - upper;
-    const Pair value = {g0 * lower, g1 * lower, g0 * upper, g1 * upper};
+    const Pair value = Pair{g0, g1, g0, g1} * Pair{lower, lower, upper, upper};
     for (int jk = 0; jk < 4; ++jk) {
-      AddToEdge(value * Repeat(cells.weight[jk][s]), grad_features, cells.entry[jk][s], level.mask);
+      AddToEdge<kWraps>(value * Repeat(cells.weight[jk][s]), grad_features, cells.entry[jk][s], mask);
     }
   }
 }
 
-void Slope(const HashTile& tile, const HashLevel& where, const float* features, const float* grad, int64_t stride,
-           float slope[3][kHashTile]) {
+void Scatter(const HashPoints& points, const HashLevel& where, const float* grad0, const float* grad1,
+             float* grad_features) {
   const hash_index::Level level(where.resolution, where.table_size);
   Cells cells;
-  FindCells(tile, level, where.resolution, cells);
+  FindCells(points, level, where.resolution, cells);
+  if (cells.wraps) return ScatterCells<true>(cells, points.count, grad0, grad1, level.mask, grad_features);
+  ScatterCells<false>(cells, points.count, grad0, grad1, level.mask, grad_features);
+}
+
+void Slope(const HashPoints& points, const HashLevel& where, const float* features, const float* grad0,
+           const float* grad1, float* const slope[3]) {
+  const hash_index::Level level(where.resolution, where.table_size);
+  Cells cells;
+  FindCells(points, level, where.resolution, cells);
   const auto scale = static_cast<float>(where.resolution);
-  for (int64_t s = 0; s < tile.count; ++s) {
-    const float g0 = grad[s * stride], g1 = grad[s * stride + 1];
+  for (int64_t s = 0; s < points.count; ++s) {
+    const float g0 = grad0[s], g1 = grad1[s];
     if (g0 == 0 && g1 == 0) continue;
     const float x = cells.fraction[0][s], y = cells.fraction[1][s], z = cells.fraction[2][s];
     float along = 0, edge[4];
     for (int jk = 0; jk < 4; ++jk) {
-      const Pair ends = LoadEdge(features, cells.entry[jk][s], level.mask);
+      const Pair ends = LoadEdge<true>(features, cells.entry[jk][s], level.mask);
       const float low = g0 * ends[0] + g1 * ends[1], high = g0 * ends[2] + g1 * ends[3];
       along += cells.weight[jk][s] * (high - low);
       edge[jk] = low + x * (high - low);
@@ -149,18 +181,19 @@ HWY_EXPORT(Encode);
 HWY_EXPORT(Scatter);
 HWY_EXPORT(Slope);
 
-void EncodeHashLevel(const HashTile& tile, const HashLevel& level, const float* features, float* out, int64_t stride) {
-  HWY_DYNAMIC_DISPATCH(Encode)(tile, level, features, out, stride);
+void EncodeHashLevel(const HashPoints& points, const HashLevel& level, const float* features, float* out0,
+                     float* out1) {
+  HWY_DYNAMIC_DISPATCH(Encode)(points, level, features, out0, out1);
 }
 
-void ScatterHashLevel(const HashTile& tile, const HashLevel& level, const float* grad, int64_t stride,
+void ScatterHashLevel(const HashPoints& points, const HashLevel& level, const float* grad0, const float* grad1,
                       float* grad_features) {
-  HWY_DYNAMIC_DISPATCH(Scatter)(tile, level, grad, stride, grad_features);
+  HWY_DYNAMIC_DISPATCH(Scatter)(points, level, grad0, grad1, grad_features);
 }
 
-void SlopeHashLevel(const HashTile& tile, const HashLevel& level, const float* features, const float* grad,
-                    int64_t stride, float slope[3][kHashTile]) {
-  HWY_DYNAMIC_DISPATCH(Slope)(tile, level, features, grad, stride, slope);
+void SlopeHashLevel(const HashPoints& points, const HashLevel& level, const float* features, const float* grad0,
+                    const float* grad1, float* const slope[3]) {
+  HWY_DYNAMIC_DISPATCH(Slope)(points, level, features, grad0, grad1, slope);
 }
 
 }  // namespace editnerf

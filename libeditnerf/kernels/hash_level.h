@@ -1,5 +1,5 @@
-// One level of the hash encoding over a tile of samples, for float32 and two features per entry: the case that runs.
-// SIMD chosen at run time (Highway). hash_encoding.cpp has the same for other types, and the formula.
+// One level of the hash encoding over some samples, for float32 and two features per entry: the case that runs. SIMD
+// chosen at run time (Highway). hash_encoding.cpp has the same for other types, and the formula.
 #pragma once
 
 #include <cstdint>
@@ -8,10 +8,10 @@ namespace editnerf {
 
 constexpr int64_t kHashTile = 128;  // samples at most
 
-// Coordinates of a tile, already clamped to [0, 1] and free of NaN.
-struct HashTile {
+// Coordinates already clamped to [0, 1] and free of NaN, also those that fill up the last 16.
+struct HashPoints {
   int64_t count = 0;
-  alignas(64) float x[3][kHashTile];
+  const float* x[3];
 };
 
 struct HashLevel {
@@ -19,15 +19,15 @@ struct HashLevel {
   int64_t table_size = 1;  // entries, a power of two
 };
 
-// features [table_size, 2] -> out[s * stride], out[s * stride + 1] of every sample.
-void EncodeHashLevel(const HashTile& tile, const HashLevel& level, const float* features, float* out, int64_t stride);
+// features [table_size, 2] -> out0[s] and out1[s] of every sample, written in whole vectors of 16.
+void EncodeHashLevel(const HashPoints& points, const HashLevel& level, const float* features, float* out0, float* out1);
 
-// Adds the gradient of the entries, given grad[s * stride] and grad[s * stride + 1].
-void ScatterHashLevel(const HashTile& tile, const HashLevel& level, const float* grad, int64_t stride,
+// Adds the gradient of the entries, given grad0[s] and grad1[s].
+void ScatterHashLevel(const HashPoints& points, const HashLevel& level, const float* grad0, const float* grad1,
                       float* grad_features);
 
-// Adds the gradient of the coordinates: slope[axis][s], also where they were clamped.
-void SlopeHashLevel(const HashTile& tile, const HashLevel& level, const float* features, const float* grad,
-                    int64_t stride, float slope[3][kHashTile]);
+// Adds the gradient of the coordinates to slope[axis][s], also where they were clamped.
+void SlopeHashLevel(const HashPoints& points, const HashLevel& level, const float* features, const float* grad0,
+                    const float* grad1, float* const slope[3]);
 
 }  // namespace editnerf

@@ -14,7 +14,7 @@ struct ImageOptions {
   int64_t chunk = 2048;                           // rays at a time, in each thread
   torch::TensorOptions tensor = torch::kFloat32;  // type and device of the rays: those of the field
   torch::Tensor background;                       // [3]; undefined: as RayRenderer does without one
-  int64_t march_steps = 0;  // marching alone; 0: as configured
+  int64_t march_steps = 0;                        // marching alone; 0: as configured
   bool depth_only = false;  // marching alone: no colours, and nothing behind the surface is evaluated
 };
 

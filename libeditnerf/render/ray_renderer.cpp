@@ -89,6 +89,10 @@ int64_t CountStates(const FrameStates& states) {
 
 torch::Tensor DensityAt(RadianceField& field, const torch::Tensor& x, const torch::Tensor& state,
                         const FrameStates& states) {
+  const auto fused = field.Fused();
+  if (FusedMarching::Takes(fused, {}, states)) {
+    return FusedDensity(FieldKernel(*fused, FusedStatesOf(states)), x, state);
+  }
   const auto table = AnyTable(states);
   FieldInput input;
   input.x_observed = table.defined() ? x.to(table.dtype()) : x;
@@ -189,41 +193,62 @@ RayResult RayRenderer::RenderHierarchical(RadianceField& field, const RayBatch& 
 }
 
 // What may be seen of the rays: samples where the grids are occupied.
-PackedSamples RayRenderer::March(const RayBatch& rays, const FrameStates& states, int64_t steps,
-                                 const torch::Tensor& jitter) const {
+PackedSamples RayRenderer::March(const RayBatch& rays, const FrameStates& states, const Marching& marching) const {
+  const torch::Tensor& jitter = marching.jitter;
   torch::Tensor anchor;
   if (local_grid_) {
     CheckShape(states.key_points, {kAny, 1, 3}, "key_points");
     anchor = states.key_points.select(1, 0).index_select(0, rays.state);
   }
   if (AreFloats({rays.origin, rays.direction, jitter, anchor})) {
-    const OccupancyBits bits = BitsOf(*grid_, config_.occupancy_resolution);
-    const OccupancyBits local = local_grid_ ? BitsOf(*local_grid_, config_.occupancy_resolution) : OccupancyBits();
-    return MarchRays({rays.origin, rays.direction, jitter, anchor}, near_, far_, steps, bits,
-                     local_grid_ ? &local : nullptr);
+    return MarchRays({rays.origin, rays.direction, jitter, anchor}, near_, far_, marching.steps, marching.grid,
+                     marching.local_grid ? &*marching.local_grid : nullptr);
   }
   const int64_t count = rays.origin.size(0);
   const auto near = rays.origin.new_full({count}, near_), far = rays.origin.new_full({count}, far_);
-  const auto t = MarchCandidates(near, far, steps, jitter);
+  const auto t = MarchCandidates(near, far, marching.steps, jitter);
   const auto x = rays.origin.unsqueeze(1) + t.unsqueeze(2) * rays.direction.unsqueeze(1);
   auto occupied = grid_->Occupied(x);
   if (local_grid_) occupied = torch::logical_and(occupied, local_grid_->Occupied(x - anchor.unsqueeze(1)));
-  return PackSamples(t, torch::full_like(t, (far_ - near_) / static_cast<double>(steps)), occupied);
+  return PackSamples(t, torch::full_like(t, (far_ - near_) / static_cast<double>(marching.steps)), occupied);
+}
+
+Marching RayRenderer::MarchingFor(const RayBatch& rays, const RayOptions& options) const {
+  const auto like = rays.origin.new_empty({rays.origin.size(0)});
+  Marching marching;
+  marching.near = near_;
+  marching.far = far_;
+  marching.steps = options.march_steps > 0 ? options.march_steps : config_.march_steps;
+  marching.early_stop = options.depth_only ? kSurfaceStop : config_.early_stop;
+  marching.grid = BitsOf(*grid_, config_.occupancy_resolution);
+  if (local_grid_) marching.local_grid = BitsOf(*local_grid_, config_.occupancy_resolution);
+  marching.jitter = options.jitter.defined() ? options.jitter
+                    : options.training       ? torch::rand_like(like)
+                                             : torch::full_like(like, 0.5);
+  return marching;
+}
+
+std::optional<RayGradients> RayRenderer::AddGradients(RadianceField& field, const RayBatch& rays,
+                                                      const FrameStates& states, const RayOptions& options,
+                                                      const RayObjective& objective) {
+  const auto fused = field.Fused();
+  if (!grid_ || !FusedMarching::Takes(fused, rays, states)) return std::nullopt;
+  return fused_->AddGradients(*fused, rays, states, options, objective, MarchingFor(rays, options));
 }
 
 RayResult RayRenderer::RenderMarching(RadianceField& field, const RayBatch& rays, const FrameStates& states,
                                       const RayOptions& options) {
+  const Marching marching = MarchingFor(rays, options);
+  if (!torch::GradMode::is_enabled() && !options.distortion) {
+    const auto fused = field.Fused();
+    if (FusedMarching::Takes(fused, rays, states)) return fused_->Render(*fused, rays, states, options, marching);
+  }
   PackedSamples samples;
   {
     torch::NoGradGuard no_grad;
-    const auto like = rays.origin.new_empty({rays.origin.size(0)});
-    const auto jitter = options.jitter.defined() ? options.jitter
-                        : options.training       ? torch::rand_like(like)
-                                                 : torch::full_like(like, 0.5);
-    samples = March(rays, states, options.march_steps > 0 ? options.march_steps : config_.march_steps, jitter);
-    const double early_stop = options.depth_only ? kSurfaceStop : config_.early_stop;
-    if (early_stop > 0) {
-      samples = MarchUntilOpaque(samples, early_stop, [&](const PackedSamples& wave) {
+    samples = March(rays, states, marching);
+    if (marching.early_stop > 0) {
+      samples = MarchUntilOpaque(samples, marching.early_stop, [&](const PackedSamples& wave) {
         return EvaluateField(field, InputAt(rays, wave.ray, wave.t), states, Level::kFine, /*with_color=*/false)
             .density;
       });

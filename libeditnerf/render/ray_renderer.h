@@ -16,48 +16,12 @@
 #include "libeditnerf/config/config.h"
 #include "libeditnerf/field/radiance_field.h"
 #include "libeditnerf/render/compositing.h"
+#include "libeditnerf/render/fused_marching.h"
 #include "libeditnerf/render/occupancy_grid.h"
+#include "libeditnerf/render/ray_batch.h"
 #include "libeditnerf/render/ray_marcher.h"
 
 namespace editnerf {
-
-struct RayBatch {
-  torch::Tensor origin;     // [R, 3], scene units
-  torch::Tensor direction;  // [R, 3], unit length
-  torch::Tensor state;      // [R] int64, row of FrameStates
-};
-
-struct RayOptions {
-  bool training = false;     // random sample positions, and the coarse level's colours
-  torch::Tensor background;  // [3] or [R, 3]; undefined: see above
-  bool surface = true;       // fill RayResult's surface outputs
-  bool distortion = false;   // fill RayResult's distortion
-  torch::Tensor distance;    // [R], known distance to the surface, NaN where unknown; undefined: nothing is known
-  torch::Tensor tolerance;   // [R], share of the distance within which any is as good; given with it
-  // Marching alone:
-  torch::Tensor jitter;     // [R] in [0, 1], where in their intervals samples lie; undefined: random where training,
-                            // otherwise the middle
-  int64_t march_steps = 0;  // 0: as configured
-  bool depth_only = false;  // no colours, and nothing behind the surface (median depth) is evaluated
-};
-
-struct RayResult {
-  torch::Tensor rgb;          // [R, 3]
-  torch::Tensor rgb_coarse;   // [R, 3]; undefined unless training a field that has a coarse level
-  torch::Tensor opacity;      // [R]; an opaque end does not count
-  torch::Tensor depth;        // [R], distance to the surface (median); NaN where there is none
-  torch::Tensor depth_valid;  // [R] bool
-
-  // At the surface sample; without meaning where depth_valid is false. Undefined where the field has no such output.
-  torch::Tensor x_observed;   // [R, 3]
-  torch::Tensor x_canonical;  // [R, 3]
-  torch::Tensor ambient;      // [R, A]
-  torch::Tensor weights;      // [R, N], of the key points
-
-  torch::Tensor distortion;  // [R], DistortionLoss with 0 at near and 1 at far; undefined unless asked for
-  torch::Tensor depth_miss;  // [], the mean of DepthMiss over the rays; undefined without RayOptions::distance
-  int64_t samples = 0;       // field evaluations with colour
-};
 
 class RayRenderer : public torch::nn::Module {
  public:
@@ -68,7 +32,14 @@ class RayRenderer : public torch::nn::Module {
   RayRenderer(const RenderConfig& config, double near, double far, const Box& box,
               const std::optional<Box>& local_box = std::nullopt);
 
+  // Marching without gradients takes the fused kernels where the field offers itself (RadianceField::Fused).
   RayResult Render(RadianceField& field, const RayBatch& rays, const FrameStates& states, const RayOptions& options);
+
+  // The objective of rays to be trained on, in one fused pass, with its gradients: those of the field's parameters are
+  // added to their `.grad`, as backward() does, those of the states returned. Nothing at all, and no result, where
+  // marching or field is not of that kind: Render's outputs are then differentiable.
+  std::optional<RayGradients> AddGradients(RadianceField& field, const RayBatch& rays, const FrameStates& states,
+                                           const RayOptions& options, const RayObjective& objective);
 
   // One update of the grids, each cell with a random row of `states` (usually all training states). Does nothing for
   // the hierarchical sampler.
@@ -87,14 +58,15 @@ class RayRenderer : public torch::nn::Module {
                                const RayOptions& options);
   RayResult RenderMarching(RadianceField& field, const RayBatch& rays, const FrameStates& states,
                            const RayOptions& options);
-  PackedSamples March(const RayBatch& rays, const FrameStates& states, int64_t steps,
-                      const torch::Tensor& jitter) const;
+  Marching MarchingFor(const RayBatch& rays, const RayOptions& options) const;
+  PackedSamples March(const RayBatch& rays, const FrameStates& states, const Marching& marching) const;
   torch::Tensor LocalDensityAt(RadianceField& field, const torch::Tensor& x_local, const torch::Tensor& state,
                                const FrameStates& states) const;
 
   RenderConfig config_;
   double near_, far_;
   std::shared_ptr<OccupancyGrid> grid_, local_grid_;
+  std::unique_ptr<FusedMarching> fused_ = std::make_unique<FusedMarching>();
 };
 
 }  // namespace editnerf

@@ -80,7 +80,8 @@ torch::Tensor WarpRegularisation(const torch::Tensor& x_observed, const torch::T
 torch::Tensor AmbientRegularisation(const torch::Tensor& ambient, const torch::Tensor& valid) {
   CheckShape(ambient, {kAny, kAny}, "ambient");
   CheckShape(valid, {ambient.size(0)}, "valid");
-  return ValidMean(ambient.square().sum(1), valid);
+  const auto squares = ambient.square().sum(1);
+  return torch::where(valid, squares, torch::zeros_like(squares)).mean();
 }
 
 }  // namespace editnerf

@@ -36,7 +36,8 @@ torch::Tensor GeometryLoss(const CameraTensors& cameras, const torch::Tensor& de
 torch::Tensor WarpRegularisation(const torch::Tensor& x_observed, const torch::Tensor& x_canonical,
                                  const torch::Tensor& valid);
 
-// Mean over valid surface points of || a ||^2; ambient [R, A], valid [R] bool.
+// Mean over all rays of || a ||^2 at their surface points, 0 where there is none, so that every ray's share is known
+// before the others'; ambient [R, A], valid [R] bool.
 torch::Tensor AmbientRegularisation(const torch::Tensor& ambient, const torch::Tensor& valid);
 
 }  // namespace editnerf

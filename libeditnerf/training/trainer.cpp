@@ -2,9 +2,11 @@
 
 #include <ATen/CPUGeneratorImpl.h>
 #include <fmt/format.h>
+#include <torch/autograd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
@@ -185,6 +187,7 @@ NamedTensors Trainer::Backward() {
     options.jitter = torch::rand({count}).to(run_.device);
     options.march_steps = MarchStepsFor(step, run_.config.render.march_steps);
   }
+  if (auto fused = FusedBackward(batch, options)) return *std::move(fused);
   std::vector<NamedTensors> losses(static_cast<size_t>(parts));
   std::vector<int64_t> samples(static_cast<size_t>(parts));
   ParallelParts(parts, [&](int64_t part) {
@@ -197,8 +200,9 @@ NamedTensors Trainer::Backward() {
     own.tolerance = rows(options.tolerance);
     const FrameStates states = AllStates();
     NamedTensors& terms = losses[static_cast<size_t>(part)];
-    terms = RayLosses({{rows(batch.rays.origin), rows(batch.rays.direction)}, rows(batch.frame), rows(batch.target), {}, {}},
-                      states, own, &samples[static_cast<size_t>(part)]);
+    terms = RayLosses(
+        {{rows(batch.rays.origin), rows(batch.rays.direction)}, rows(batch.frame), rows(batch.target), {}, {}}, states,
+        own, &samples[static_cast<size_t>(part)]);
     const double share = static_cast<double>(end - begin) / static_cast<double>(count);
     for (auto& term : terms) term.second = term.second * share;
     if (part == 0) AddKeyPointLosses(states, &terms);
@@ -211,12 +215,51 @@ NamedTensors Trainer::Backward() {
   for (size_t part = 1; part < losses.size(); ++part) {
     for (size_t i = 0; i < losses[part].size(); ++i) sums[i].second = sums[i].second + losses[part][i].second.detach();
   }
-  run_.counters.rays += count;
-  int64_t all_samples = 0;
-  for (const int64_t some : samples) all_samples += some;
-  run_.counters.samples += all_samples;
-  samples_per_ray_ = static_cast<double>(all_samples) / static_cast<double>(count);
+  Count(count, std::accumulate(samples.begin(), samples.end(), int64_t{0}));
   return sums;
+}
+
+std::optional<NamedTensors> Trainer::FusedBackward(const RayTargets& batch, const RayOptions& options) {
+  const FrameStates states = AllStates();
+  RayObjective objective;
+  objective.target = batch.target;
+  objective.distortion = stage_.lambda_distortion;
+  if (run_.stage == FieldStage::kPretrain) objective.ambient = stage_.lambda_ambient;
+  if (batch.distance.defined()) objective.depth = stage_.lambda_depth;
+  const auto found = run_.renderer->AddGradients(*run_.field, {batch.rays.origin, batch.rays.direction, batch.frame},
+                                                 states, options, objective);
+  if (!found) return std::nullopt;
+  NamedTensors losses;
+  const auto add = [&](const char* name, double value) {
+    losses.emplace_back(name, torch::tensor(value, torch::kFloat64));
+  };
+  add("reconstruction", found->reconstruction);
+  if (objective.ambient > 0) add("ambient", found->ambient);
+  if (objective.distortion > 0) add("distortion", found->distortion);
+  if (objective.depth > 0) add("depth", found->depth);
+  // From the states on, LibTorch takes the gradients to the tables that they come from.
+  NamedTensors others;
+  AddKeyPointLosses(states, &others);
+  std::vector<torch::Tensor> roots, gradients;
+  for (const auto& [name, loss] : others) {
+    roots.push_back(loss);
+    gradients.push_back(torch::ones_like(loss));
+    losses.emplace_back(name, loss.detach());
+  }
+  for (const auto table : {&FrameStates::key_points, &FrameStates::warp_code, &FrameStates::appearance_code}) {
+    if (!(found->states.*table).defined()) continue;
+    roots.push_back(states.*table);
+    gradients.push_back(found->states.*table);
+  }
+  if (!roots.empty()) torch::autograd::backward(roots, gradients);
+  Count(batch.frame.size(0), found->samples);
+  return losses;
+}
+
+void Trainer::Count(int64_t rays, int64_t samples) {
+  run_.counters.rays += rays;
+  run_.counters.samples += samples;
+  samples_per_ray_ = static_cast<double>(samples) / static_cast<double>(rays);
 }
 
 std::map<std::string, double> Trainer::Step() {

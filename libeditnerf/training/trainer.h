@@ -40,6 +40,9 @@ class Trainer {
   int64_t RaysForStep() const;
   FrameStates AllStates() const;
   NamedTensors Backward();
+  // The same in one fused pass, where renderer and field have one.
+  std::optional<NamedTensors> FusedBackward(const RayTargets& batch, const RayOptions& options);
+  void Count(int64_t rays, int64_t samples);
   NamedTensors RayLosses(const RayTargets& batch, const FrameStates& states, const RayOptions& options,
                          int64_t* samples) const;
   void AddKeyPointLosses(const FrameStates& states, NamedTensors* losses) const;

@@ -1,0 +1,221 @@
+#include "libeditnerf/kernels/field_tile.h"
+
+#include <c10/util/SmallVector.h>
+
+#include <algorithm>
+
+#include "libeditnerf/kernels/gradient.h"
+#include "libeditnerf/kernels/hash_level.h"
+#include "libeditnerf/kernels/tile_functions.h"
+
+namespace editnerf {
+namespace {
+
+// Copies row state[s] of table [F, width] into `width` rows.
+void SpreadRows(const float* table, int64_t width, const int32_t* state, int64_t count, float* rows) {
+  for (int64_t s = 0; s < count; ++s) {
+    const float* const from = table + state[s] * width;
+    for (int64_t i = 0; i < width; ++i) TileRow(rows, i)[s] = from[i];
+  }
+}
+
+}  // namespace
+
+void FieldSums::Clear() {
+  for (TileMlpSums* sums : {&density, &color, &weights, &slicing}) sums->Clear();
+}
+
+void FieldSums::Add(const FieldSums& other) {
+  density.Add(other.density);
+  color.Add(other.color);
+  weights.Add(other.weights);
+  slicing.Add(other.slicing);
+}
+
+FieldKernel::FieldKernel(const FusedField& field, const FusedStates& states)
+    : field_(field),
+      states_(states),
+      rows_(field),
+      density_(field.density),
+      color_(field.color),
+      weights_(field.weights),
+      slicing_(field.slicing) {
+  CheckFused(field, states);
+  const auto data = [&](at::Tensor& table) -> const float* {
+    if (!table.defined()) return nullptr;
+    table = table.detach().contiguous();
+    num_states_ = table.size(0);
+    return table.data_ptr<float>();
+  };
+  if (field_.code_dim > 0) codes_ = data(states_.warp_code);
+  if (field_.appearance_dim > 0) appearances_ = data(states_.appearance);
+  const int64_t n = field_.num_key_points;
+  if (n == 0) return;
+  keys_ = data(states_.key_points);
+  const float *const scale = field_.key_scale.data_ptr<float>(), *const offset = field_.key_offset.data_ptr<float>();
+  local_keys_.resize(static_cast<size_t>(num_states_ * n * 3));
+  for (int64_t i = 0; i < num_states_ * n * 3; ++i) {
+    local_keys_[static_cast<size_t>(i)] = keys_[i] * scale[i / 3 % n] + offset[i % (3 * n)];
+  }
+}
+
+void FieldKernel::Encode(const FusedHash& hash, const float* unit, int64_t count, float* out) const {
+  const int64_t table_size = hash.table.size(1);
+  const float* const table = hash.table.data_ptr<float>();
+  const HashPoints points = {count, {TileRow(unit, 0), TileRow(unit, 1), TileRow(unit, 2)}};
+  for (size_t l = 0; l < hash.resolutions.size(); ++l) {
+    const auto level = static_cast<int64_t>(l);
+    EncodeHashLevel(points, {hash.resolutions[l], table_size}, table + 2 * level * table_size, TileRow(out, 2 * level),
+                    TileRow(out, 2 * level + 1));
+  }
+}
+
+// Key points, weights and what follows from them: the anchor p and its local coordinates.
+void FieldKernel::Anchors(const int32_t* state, int64_t count, TileMemory& tile) const {
+  const int64_t n = field_.num_key_points;
+  float *const anchor = tile.Row(rows_.anchor), *const ambient = tile.Row(rows_.ambient);
+  if (n == 1) {
+    SpreadRows(keys_, 3, state, count, anchor);
+    SpreadRows(local_keys_.data(), 3, state, count, ambient);
+    return;
+  }
+  const float* const x = tile.Row(rows_.x);
+  EncodeTile(x, 3, field_.weight_octaves, 1, count, tile.Row(rows_.weight_in));
+  weights_.Forward(tile.Row(rows_.weight_in), count, tile.Row(rows_.weight_act));
+  float* const weights = tile.Row(rows_.weights);
+  if (field_.prior > 0) {
+    SubtractDistances(x, field_.anchors.data_ptr<float>(), n, field_.anchors.size(1), field_.prior, count, weights);
+  }
+  Softmax(n, count, weights);
+  SpreadRows(keys_, 3 * n, state, count, tile.Row(rows_.keys));
+  WeightedSum(weights, tile.Row(rows_.keys), field_.key_scale.data_ptr<float>(), field_.key_offset.data_ptr<float>(), n,
+              count, anchor, ambient);
+}
+
+void FieldKernel::Slices(const int32_t* state, int64_t count, TileMemory& tile) const {
+  float* const in = tile.Row(rows_.slicing_in);
+  EncodeTile(tile.Row(rows_.x), 3, field_.slicing_octaves, 1, count, in);
+  SpreadRows(codes_, field_.code_dim, state, count, TileRow(in, slicing_.in() - field_.code_dim));
+  slicing_.Forward(in, count, tile.Row(rows_.slicing_act));  // the last of its rows are the ambient coordinates
+}
+
+void FieldKernel::Density(const int32_t* state, int64_t count, TileMemory& tile) const {
+  float* const features = tile.Row(rows_.features);
+  const float* const x = tile.Row(rows_.x);
+  UnitCoordinates(x, field_.low.data(), field_.side, count, tile.Row(rows_.unit));
+  Encode(field_.canonical, tile.Row(rows_.unit), count, features);
+  if (field_.num_key_points > 0) Anchors(state, count, tile);
+  if (!slicing_.empty()) Slices(state, count, tile);
+  if (rows_.local_features > 0) {
+    float* const encoded = TileRow(features, rows_.canonical_features);
+    LocalCoordinates(x, tile.Row(rows_.anchor), field_.local_side, field_.fade_margin, count, tile.Row(rows_.local),
+                     tile.Row(rows_.fade));
+    Encode(field_.local, tile.Row(rows_.local), count, encoded);
+    ScaleRows(tile.Row(rows_.fade), rows_.local_features, count, encoded);
+  }
+  if (field_.ambient_dim > 0) {
+    EncodeTile(tile.Row(rows_.ambient), field_.ambient_dim, field_.ambient_octaves, field_.ambient_window, count,
+               TileRow(features, rows_.num_features - rows_.ambient_features));
+  }
+  density_.Forward(features, count, tile.Row(rows_.density_act));
+  DensityOf(tile.Row(rows_.density_out), field_.density_bias, field_.density_limit, count, tile.Row(rows_.density));
+}
+
+void FieldKernel::Color(const int32_t* state, int64_t count, TileMemory& tile) const {
+  if (field_.appearance_dim > 0) {
+    SpreadRows(appearances_, field_.appearance_dim, state, count, tile.Row(rows_.appearance));
+  }
+  color_.Forward(tile.Row(rows_.density_out + 1), count, tile.Row(rows_.color_act));
+  Sigmoid(3, count, tile.Row(rows_.color));
+}
+
+int64_t FieldKernel::scratch_rows() const {
+  int64_t rows = 0;
+  for (const TileMlp* mlp : {&density_, &color_, &weights_, &slicing_}) rows = std::max(rows, mlp->scratch_rows());
+  return rows + rows_.ambient_features + field_.ambient_dim + field_.num_key_points + 6;
+}
+
+void FieldKernel::Backward(int64_t count, TileMemory& tile, TileMemory& scratch, FieldSums& sums,
+                           const TileGradients& to) const {
+  float* const grad_out = tile.Row(rows_.grad_density_out);
+  float* const networks = scratch.Row(rows_.ambient_features + field_.ambient_dim + field_.num_key_points + 6);
+  const int64_t geometry = density_.out() - 1;
+  c10::SmallVector<InputGradient, 3> parts;
+  parts.push_back({0, geometry, TileRow(grad_out, 1)});
+  if (field_.appearance_dim > 0) {
+    parts.push_back({color_.in() - field_.appearance_dim, field_.appearance_dim, to.appearance});
+  }
+  color_.Backward(tile.Row(rows_.density_out + 1), tile.Row(rows_.color_act), tile.Row(rows_.grad_color), count,
+                  networks, sums.color, parts);
+
+  float *const grad_encoded = scratch.Row(0), *const grad_ambient = scratch.Row(rows_.ambient_features);
+  parts.clear();
+  parts.push_back({0, rows_.canonical_features, to.canonical});
+  if (rows_.local_features > 0) parts.push_back({rows_.canonical_features, rows_.local_features, to.local});
+  if (field_.ambient_dim > 0) {
+    parts.push_back({rows_.num_features - rows_.ambient_features, rows_.ambient_features, grad_encoded});
+  }
+  density_.Backward(tile.Row(rows_.features), tile.Row(rows_.density_act), grad_out, count, networks, sums.density,
+                    parts);
+  if (field_.ambient_dim == 0) return;
+  if (rows_.local_features > 0) ScaleRows(tile.Row(rows_.fade), rows_.local_features, count, to.local);
+  EncodeTileGradient(tile.Row(rows_.features + rows_.num_features - rows_.ambient_features), grad_encoded,
+                     field_.ambient_dim, field_.ambient_octaves, field_.ambient_window, count, grad_ambient);
+  AddScaledRows(tile.Row(rows_.pull), tile.Row(rows_.ambient), field_.ambient_dim, count, grad_ambient);
+  if (!slicing_.empty()) {
+    parts.clear();
+    parts.push_back({slicing_.in() - field_.code_dim, field_.code_dim, to.code});
+    slicing_.Backward(tile.Row(rows_.slicing_in), tile.Row(rows_.slicing_act), grad_ambient, count, networks,
+                      sums.slicing, parts);
+    return;
+  }
+  KeyPointsBackward(count, grad_ambient, tile, scratch.Row(rows_.ambient_features + field_.ambient_dim), sums, to);
+}
+
+void FieldKernel::KeyPointsBackward(int64_t count, const float* grad_ambient, TileMemory& tile, float* scratch,
+                                    FieldSums& sums, const TileGradients& to) const {
+  const int64_t n = field_.num_key_points;
+  float *const grad_weights = scratch, *const grad_anchor = TileRow(scratch, n);
+  float* const axes[3] = {grad_anchor, TileRow(grad_anchor, 1), TileRow(grad_anchor, 2)};
+  for (float* const axis : axes) std::fill_n(axis, kTile, 0.0F);
+  if (rows_.local_features > 0) {
+    const int64_t table_size = field_.local.table.size(1);
+    const float* const table = field_.local.table.data_ptr<float>();
+    const HashPoints points = {count, {tile.Row(rows_.local), tile.Row(rows_.local + 1), tile.Row(rows_.local + 2)}};
+    for (size_t l = 0; l < field_.local.resolutions.size(); ++l) {
+      const auto level = static_cast<int64_t>(l);
+      SlopeHashLevel(points, {field_.local.resolutions[l], table_size}, table + 2 * level * table_size,
+                     TileRow(to.local, 2 * level), TileRow(to.local, 2 * level + 1), axes);
+    }
+    ScaleRows(-1 / field_.local_side, 3, count, grad_anchor);
+  }
+  const float *const scale = field_.key_scale.data_ptr<float>(), *const offset = field_.key_offset.data_ptr<float>();
+  if (n == 1) {
+    AddRows(grad_anchor, grad_ambient, scale[0], 3, count, to.keys);
+    return;
+  }
+  float* const weights = tile.Row(rows_.weights);
+  WeightedSumGradient(weights, tile.Row(rows_.keys), scale, offset, n, count, grad_anchor, grad_ambient, grad_weights,
+                      to.keys);
+  SoftmaxGradient(weights, n, count, grad_weights);
+  weights_.Backward(tile.Row(rows_.weight_in), tile.Row(rows_.weight_act), grad_weights, count, TileRow(scratch, n + 6),
+                    sums.weights, {});
+}
+
+FieldSums FieldKernel::MakeSums() const {
+  return {density_.MakeSums(), color_.MakeSums(), weights_.MakeSums(), slicing_.MakeSums()};
+}
+
+void FieldKernel::AddToGradients(const FieldSums& sums) const {
+  const auto add = [](const TileMlp& mlp, const TileMlpSums& from, const MlpLayers& layers) {
+    for (size_t l = 0; l < layers.weights.size(); ++l) {
+      mlp.AddSums(from, l, GradientOf(layers.weights[l]), GradientOf(layers.biases[l]));
+    }
+  };
+  add(density_, sums.density, field_.density);
+  add(color_, sums.color, field_.color);
+  add(weights_, sums.weights, field_.weights);
+  add(slicing_, sums.slicing, field_.slicing);
+}
+
+}  // namespace editnerf

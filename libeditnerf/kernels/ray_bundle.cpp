@@ -1,0 +1,130 @@
+#include "libeditnerf/kernels/ray_bundle.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "libeditnerf/kernels/tile_functions.h"
+
+namespace editnerf {
+namespace {
+
+// Rays that are marched side by side, and samples of each that are asked for at a time: one tile together. Few at a
+// time, as all that a ray is asked for behind its end is in vain.
+constexpr size_t kActive = 16;
+constexpr int64_t kWave = 4;
+static_assert(kActive * kWave <= kTile);
+// Samples from which on a bundle takes no more rays: its tiles are to stay in the second-level cache.
+constexpr int64_t kFull = 384;
+
+}  // namespace
+
+RayBundle::RayBundle(const FieldRows& rows) : rows_(rows), wave_(rows.count), keep_(1) { active_.reserve(kActive); }
+
+int64_t RayBundle::Fill(const FieldKernel& field, const BundledRays& rays, int64_t first, int64_t end) {
+  const double opaque = rays.early_stop > 0 ? -std::log(rays.early_stop) : std::numeric_limits<double>::infinity();
+  rays_.clear();
+  num_samples_ = 0;
+  for (;;) {
+    while (active_.size() < kActive && num_samples_ < kFull && first < end) {
+      const float* const anchor = rays.local_grid != nullptr ? field.KeyPoints(rays.state[first]) : nullptr;
+      Active ray;
+      ray.cursor = RayCursor(*rays.grid, rays.local_grid, rays.steps, rays.origin + 3 * first,
+                             rays.direction + 3 * first, anchor, rays.jitter[first]);
+      ray.slot = static_cast<int32_t>(rays_.size());
+      active_.push_back(ray);
+      rays_.push_back(first++);
+    }
+    if (active_.empty()) break;
+    AskForSamples(rays);
+    if (wave_.count > 0) {
+      field.Density(wave_.state, wave_.count, wave_.memory);
+      StopRays(opaque, rays.delta);
+      KeepSamples();
+    }
+    active_.erase(std::remove_if(active_.begin(), active_.end(), [](const Active& ray) { return ray.done; }),
+                  active_.end());
+  }
+  SortSamples();
+  return first;
+}
+
+// The next samples of every active ray, side by side in the wave.
+void RayBundle::AskForSamples(const BundledRays& rays) {
+  float *const t = wave_.memory.Row(rows_.t), *const slot = wave_.memory.Row(rows_.slot);
+  float* const x = wave_.memory.Row(rows_.x);
+  int64_t count = 0;
+  for (Active& ray : active_) {
+    for (ray.asked = 0; ray.asked < kWave; ++ray.asked, ++count) {
+      float position[3];
+      if (ray.cursor.Next(&t[count], position) < 0) {
+        ray.done = true;
+        break;
+      }
+      for (int axis = 0; axis < 3; ++axis) TileRow(x, axis)[count] = position[axis];
+      slot[count] = static_cast<float>(ray.slot);
+      wave_.state[count] = static_cast<int32_t>(rays.state[rays_[static_cast<size_t>(ray.slot)]]);
+    }
+  }
+  wave_.count = count;
+}
+
+// Marks the samples that light still reaches.
+void RayBundle::StopRays(double opaque, float delta) {
+  const float* density = wave_.memory.Row(rows_.density);
+  float* keep = keep_.rows();
+  for (Active& ray : active_) {
+    for (int32_t i = 0; i < ray.asked; ++i) {
+      *keep++ = ray.thickness <= opaque ? 1.0F : 0.0F;
+      ray.thickness += static_cast<double>(*density++) * static_cast<double>(delta);
+    }
+    ray.done = ray.done || ray.thickness > opaque;
+  }
+  std::fill(keep, keep_.rows() + kTileStride, 0.0F);
+}
+
+void RayBundle::KeepSamples() {
+  const int64_t rows = rows_.Kept();
+  for (int64_t first = 0; first < wave_.count; first += 16) {
+    const auto last = static_cast<size_t>(num_samples_ / kTile);
+    while (tiles_.size() < last + 2) tiles_.push_back(std::make_unique<Tile>(rows_.count));
+    const int64_t at = num_samples_ % kTile;
+    TileMemory& tile = tiles_[last]->memory;
+    const int64_t kept = AppendKept(keep_.rows(), wave_.memory.rows(), first, rows, at, tile.rows());
+    num_samples_ += kept;
+    if (at + kept <= kTile) continue;
+    // What did not fit stands behind the tile's columns.
+    for (int64_t row = 0; row < rows; ++row) {
+      std::copy_n(tile.Row(row) + kTile, kTileStride - kTile, tiles_[last + 1]->memory.Row(row));
+    }
+  }
+}
+
+// By ray; those of each ray were kept in their order.
+void RayBundle::SortSamples() {
+  offsets_.assign(rays_.size() + 1, 0);
+  order_.resize(static_cast<size_t>(num_samples_));
+  for (int64_t i = 0; i < num_tiles(); ++i) {
+    tile(i).count = std::min(kTile, num_samples_ - i * kTile);
+    const float* const slot = tile(i).memory.Row(rows_.slot);
+    for (int64_t s = 0; s < tile(i).count; ++s) ++offsets_[static_cast<size_t>(slot[s]) + 1];
+  }
+  for (size_t r = 1; r < offsets_.size(); ++r) offsets_[r] += offsets_[r - 1];
+  next_ = offsets_;
+  for (int64_t i = 0; i < num_tiles(); ++i) {
+    const float* const slot = tile(i).memory.Row(rows_.slot);
+    for (int64_t s = 0; s < tile(i).count; ++s) {
+      order_[static_cast<size_t>(next_[static_cast<size_t>(slot[s])]++)] = static_cast<int32_t>(i * kTile + s);
+    }
+  }
+}
+
+void RayBundle::Gather(int64_t row, float* values) {
+  for (const int32_t sample : order_) *values++ = tile(sample / kTile).memory.Row(row)[sample % kTile];
+}
+
+void RayBundle::Scatter(const float* values, int64_t row) {
+  for (const int32_t sample : order_) tile(sample / kTile).memory.Row(row)[sample % kTile] = *values++;
+}
+
+}  // namespace editnerf

@@ -1,0 +1,82 @@
+// Walks one ray through occupancy grids, sample by sample: the inside of MarchRays (ray_march.h), which has the rules,
+// for those who stop early and want no list.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "libeditnerf/kernels/ray_march.h"
+
+namespace editnerf {
+
+// A grid's bits, ready for look-ups. Throws ShapeError for tensors of other shapes, types or devices; reads the bits'
+// memory, which must outlive this.
+struct MarchedGrid {
+  const bool* occupied = nullptr;
+  int64_t resolution = 0;
+  float low[3], scale[3];  // from scene units to cells
+
+  MarchedGrid() = default;
+  explicit MarchedGrid(const OccupancyBits& bits);
+};
+
+// One ray in one grid: along an axis, sample i lies at about start + i / per_cell, in cells.
+class RayInGrid {
+ public:
+  RayInGrid() = default;
+  // The grid's coordinates are x - anchor. The ray's samples lie at first_t + i * step.
+  RayInGrid(const MarchedGrid& grid, const float* origin, const float* direction, const float* anchor, double first_t,
+            double step);
+
+  // Narrows the samples [first, last) to those that may lie in the box. A NaN narrows nothing.
+  void Clip(int64_t* first, int64_t* last) const;
+
+  // i where sample i, at x, is occupied; otherwise the next one, at most about `last`, that may be.
+  int64_t Next(int64_t i, int64_t last, const float x[3]) const;
+
+ private:
+  // Cells by which walls are moved so that less is skipped: far more than rounding, so that every sample that may lie
+  // on either side of a wall is looked up.
+  static constexpr double kSlack = 1e-3;
+
+  const MarchedGrid* grid_ = nullptr;
+  const float* anchor_ = nullptr;
+  double start_[3];
+  double per_cell_[3];  // negative on the way down, infinite where the axis stands still
+};
+
+// Equal steps: sample i of a ray lies at near + (i + jitter) * step, rounded as MarchCandidates does it.
+struct MarchedSteps {
+  float near = 0, step = 0;
+  int64_t count = 0;
+
+  MarchedSteps() = default;
+  MarchedSteps(double from, double to, int64_t steps)
+      : near(static_cast<float>(from)),
+        step((static_cast<float>(to) - static_cast<float>(from)) / static_cast<float>(steps)),
+        count(steps) {}
+
+  float Position(int64_t i, float jitter) const { return near + (static_cast<float>(i) + jitter) * step; }
+};
+
+class RayCursor {
+ public:
+  RayCursor() = default;
+  // `local` may be nullptr, and so may `anchor` then. The pointers' targets must outlive this.
+  RayCursor(const MarchedGrid& grid, const MarchedGrid* local, const MarchedSteps& steps, const float* origin,
+            const float* direction, const float* anchor, float jitter);
+
+  // The number of the next occupied sample, with its distance and position; -1 where there is none.
+  int64_t Next(float* t, float x[3]);
+
+ private:
+  const MarchedSteps* steps_ = nullptr;
+  const float *origin_ = nullptr, *direction_ = nullptr;
+  float jitter_ = 0;
+  RayInGrid views_[2];
+  int num_views_ = 0;
+  int64_t next_ = 0, last_ = 0;
+};
+
+}  // namespace editnerf

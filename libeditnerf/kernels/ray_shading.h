@@ -1,0 +1,69 @@
+// From the samples of a ray bundle to what its rays show, and back: colours, compositing and, for training, the
+// gradients of the loss, ray by ray.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "libeditnerf/kernels/ray_bundle.h"
+
+namespace editnerf {
+
+// The loss of R rays, each ray's part of it:
+//   |rgb - target|^2 / (3 R) + distortion D / R + ambient |a at the surface|^2 / R
+//   + depth sum_i w_i max(0, |t_i - d| / d - tolerance) / R
+// with D as PackedDistortion has it, no third term for a ray without surface, and no last one where d is not known.
+struct RayLoss {
+  const float* target = nullptr;      // [R, 3]
+  const float* background = nullptr;  // [R, 3]; nullptr: black
+  double distortion = 0;              // weight, per unit of t
+  double ambient = 0;                 // weight
+  const float* distance = nullptr;    // [R], d, NaN where unknown; nullptr: nowhere known
+  const float* tolerance = nullptr;   // [R], given with it
+  double depth = 0;                   // weight
+};
+
+struct RayLossSums {
+  double reconstruction = 0, distortion = 0, ambient = 0, depth = 0;  // without the division by R
+  int64_t samples = 0;
+  void Add(const RayLossSums& other);
+};
+
+// What the rays of a picture show, [R] each.
+struct RayPicture {
+  float* rgb = nullptr;                        // [R, 3]; nullptr: depth alone
+  const float* background = nullptr;           // [R, 3]; nullptr: black
+  float *opacity = nullptr, *depth = nullptr;  // depth NaN where there is no surface
+  bool* depth_valid = nullptr;
+  float *x = nullptr, *ambient = nullptr,
+        *weights = nullptr;  // at the surface, [R, 3], [R, A], [R, N]; nullptr: unwanted
+};
+
+// Works on the bundles of one thread; keeps the arrays that are needed on the way.
+class RayShading {
+ public:
+  // Colours, losses and their gradients with respect to colour and density, left in the bundle's tiles.
+  void Train(const FieldKernel& field, const BundledRays& rays, const RayLoss& loss, RayBundle& bundle,
+             RayLossSums* sums);
+
+  // The picture of the bundle's rays. Returns the samples whose colour was evaluated.
+  int64_t Show(const FieldKernel& field, const BundledRays& rays, const RayPicture& picture, RayBundle& bundle);
+
+ private:
+  struct Samples {  // of one ray
+    int64_t begin, end;
+  };
+  void Color(const FieldKernel& field, const BundledRays& rays, RayBundle& bundle);
+  void Composite(const FieldRows& rows, const BundledRays& rays, bool with_color, RayBundle& bundle);
+  int64_t SurfaceOf(Samples samples) const;  // samples.end where there is none
+  double Distort(Samples samples, double factor);
+  double MissDepth(Samples samples, double distance, double tolerance, double factor);
+  void Resize(int64_t samples);
+
+  std::vector<float> t_, density_, tau_, before_, light_, weight_, rgb_[3], to_weight_, to_density_, pull_;
+  std::vector<float> harmonics_;   // [rays, 16]
+  std::vector<int64_t> surfaces_;  // of the rays that have one
+  double delta_ = 0;
+};
+
+}  // namespace editnerf

@@ -1,0 +1,405 @@
+#include "libeditnerf/kernels/tile_functions.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "libeditnerf/kernels/tile_functions.cpp"  // compiled once for every target
+// clang-format off
+#include <hwy/foreach_target.h>  // before all other headers of Highway
+#include <hwy/contrib/math/math-inl.h>
+#include <hwy/highway.h>
+// clang-format on
+
+HWY_BEFORE_NAMESPACE();
+namespace editnerf {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using Tag = hn::CappedTag<float, 16>;
+using Vector = hn::Vec<Tag>;
+
+// body(first column of a vector)
+template <class Body>
+HWY_INLINE void ForVectors(int64_t count, const Body& body) {
+  const auto lanes = static_cast<int64_t>(hn::Lanes(Tag()));
+  for (int64_t s = 0; s < count; s += lanes) body(s);
+}
+
+HWY_INLINE Vector Row(const float* rows, int64_t row, int64_t s) { return hn::LoadU(Tag(), TileRow(rows, row) + s); }
+HWY_INLINE void SetRow(Vector v, float* rows, int64_t row, int64_t s) { hn::StoreU(v, Tag(), TileRow(rows, row) + s); }
+HWY_INLINE Vector Broadcast(float x) { return hn::Set(Tag(), x); }
+
+// Bounds that leave a NaN a NaN, so that the step guard sees it: x86 returns the second operand.
+HWY_INLINE Vector AtMost(Vector limit, Vector x) { return hn::Min(limit, x); }
+HWY_INLINE Vector AtLeast(Vector limit, Vector x) { return hn::Max(limit, x); }
+
+// Highway's own gives 0 for a NaN. x: finite or NaN.
+HWY_INLINE Vector Exp(Vector x) { return hn::Add(hn::Exp(Tag(), x), hn::Sub(x, x)); }
+
+// Into [0, 1]; a NaN becomes 0.
+HWY_INLINE Vector ToUnit(Vector x) {
+  const Vector positive = hn::IfThenElseZero(hn::Ge(x, hn::Zero(Tag())), x);
+  return hn::Min(positive, Broadcast(1.0F));
+}
+
+void UnitCoordinatesImpl(const float* x, const float low[3], float side, int64_t count, float* unit) {
+  const Vector divisor = Broadcast(side);
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vector start = Broadcast(low[axis]);
+    ForVectors(count,
+               [&](int64_t s) { SetRow(ToUnit(hn::Div(hn::Sub(Row(x, axis, s), start), divisor)), unit, axis, s); });
+  }
+}
+
+void LocalCoordinatesImpl(const float* x, const float* anchor, float side, float margin, int64_t count, float* unit,
+                          float* fade) {
+  const Vector divisor = Broadcast(side), half = Broadcast(0.5F), one = Broadcast(1.0F);
+  const Vector steepness = Broadcast(1 / margin);
+  ForVectors(count, [&](int64_t s) {
+    Vector farthest = hn::Zero(Tag());
+    for (int axis = 0; axis < 3; ++axis) {
+      const Vector local = hn::Div(hn::Sub(Row(x, axis, s), Row(anchor, axis, s)), divisor);
+      farthest = hn::Max(farthest, hn::Abs(local));
+      SetRow(ToUnit(hn::Add(local, half)), unit, axis, s);
+    }
+    const Vector inside = hn::Sub(one, hn::Add(farthest, farthest));
+    SetRow(ToUnit(hn::Mul(inside, steepness)), fade, 0, s);
+  });
+}
+
+void ScaleRowsByRow(const float* factor, int64_t num_rows, int64_t count, float* rows) {
+  for (int64_t r = 0; r < num_rows; ++r) {
+    ForVectors(count, [&](int64_t s) { SetRow(hn::Mul(Row(rows, r, s), Row(factor, 0, s)), rows, r, s); });
+  }
+}
+
+void ScaleRowsByOne(float factor, int64_t num_rows, int64_t count, float* rows) {
+  const Vector scale = Broadcast(factor);
+  for (int64_t r = 0; r < num_rows; ++r) {
+    ForVectors(count, [&](int64_t s) { SetRow(hn::Mul(Row(rows, r, s), scale), rows, r, s); });
+  }
+}
+
+void EncodeTileImpl(const float* x, int64_t dim, int64_t octaves, float window, int64_t count, float* out) {
+  constexpr float kPeriod = 6.283185307179586F;
+  const Tag tag;
+  const Vector scale = Broadcast(window);
+  for (int64_t d = 0; d < dim; ++d) {
+    ForVectors(count, [&](int64_t s) {
+      const Vector value = Row(x, d, s);
+      SetRow(hn::Mul(value, scale), out, d, s);
+      // Octaves are whole multiples of the first, so that whole periods may be taken off before they multiply.
+      const Vector periods = hn::Round(hn::Mul(value, Broadcast(1 / kPeriod)));
+      Vector phase = hn::Sub(value, hn::Mul(periods, Broadcast(kPeriod)));
+      for (int64_t k = 0; k < octaves; ++k) {
+        const int64_t sine = dim * (1 + 2 * k) + d;
+        SetRow(hn::Mul(hn::Sin(tag, phase), scale), out, sine, s);
+        SetRow(hn::Mul(hn::Cos(tag, phase), scale), out, sine + dim, s);
+        phase = hn::Add(phase, phase);
+      }
+    });
+  }
+}
+
+// d(w sin(f x)) = f w cos(f x), which the output holds already; so for the cosine.
+void EncodeTileGradientImpl(const float* out, const float* grad, int64_t dim, int64_t octaves, float window,
+                            int64_t count, float* grad_x) {
+  const Vector scale = Broadcast(window);
+  for (int64_t d = 0; d < dim; ++d) {
+    ForVectors(count, [&](int64_t s) {
+      Vector sum = hn::Mul(Row(grad, d, s), scale);
+      for (int64_t k = 0; k < octaves; ++k) {
+        const int64_t sine = dim * (1 + 2 * k) + d, cosine = sine + dim;
+        const Vector slope =
+            hn::Sub(hn::Mul(Row(grad, sine, s), Row(out, cosine, s)), hn::Mul(Row(grad, cosine, s), Row(out, sine, s)));
+        sum = hn::MulAdd(Broadcast(static_cast<float>(int64_t{1} << k)), slope, sum);
+      }
+      SetRow(sum, grad_x, d, s);
+    });
+  }
+}
+
+void DensityOfImpl(const float* x, float bias, float limit, int64_t count, float* density) {
+  const Vector shift = Broadcast(bias), high = Broadcast(limit), low = Broadcast(-limit);
+  ForVectors(count, [&](int64_t s) {
+    const Vector exponent = AtMost(high, AtLeast(low, hn::Add(Row(x, 0, s), shift)));
+    SetRow(Exp(exponent), density, 0, s);
+  });
+}
+
+void SigmoidImpl(int64_t num_rows, int64_t count, float* rows) {
+  const Vector one = Broadcast(1.0F);
+  for (int64_t r = 0; r < num_rows; ++r) {
+    ForVectors(count, [&](int64_t s) {
+      const Vector e = Exp(AtMost(Broadcast(80.0F), hn::Neg(Row(rows, r, s))));
+      SetRow(hn::Div(one, hn::Add(one, e)), rows, r, s);
+    });
+  }
+}
+
+void SubtractDistancesImpl(const float* x, const float* anchors, int64_t num, int64_t per, float scale, int64_t count,
+                           float* logits) {
+  const Vector minus = Broadcast(-scale);
+  for (int64_t i = 0; i < num; ++i) {
+    ForVectors(count, [&](int64_t s) {
+      Vector nearest = Broadcast(3e38F);
+      for (int64_t a = 0; a < per; ++a) {
+        Vector square = hn::Zero(Tag());
+        for (int axis = 0; axis < 3; ++axis) {
+          const Vector difference = hn::Sub(Row(x, axis, s), Broadcast(anchors[(i * per + a) * 3 + axis]));
+          square = hn::MulAdd(difference, difference, square);
+        }
+        nearest = hn::Min(nearest, square);
+      }
+      SetRow(hn::MulAdd(minus, hn::Sqrt(nearest), Row(logits, i, s)), logits, i, s);
+    });
+  }
+}
+
+void SoftmaxImpl(int64_t num_rows, int64_t count, float* rows) {
+  ForVectors(count, [&](int64_t s) {
+    Vector most = Row(rows, 0, s);
+    for (int64_t r = 1; r < num_rows; ++r) most = hn::Max(most, Row(rows, r, s));
+    Vector sum = hn::Zero(Tag());
+    for (int64_t r = 0; r < num_rows; ++r) {
+      const Vector e = Exp(AtLeast(Broadcast(-85.0F), hn::Sub(Row(rows, r, s), most)));
+      sum = hn::Add(sum, e);
+      SetRow(e, rows, r, s);
+    }
+    for (int64_t r = 0; r < num_rows; ++r) SetRow(hn::Div(Row(rows, r, s), sum), rows, r, s);
+  });
+}
+
+void SoftmaxGradientImpl(const float* weights, int64_t num_rows, int64_t count, float* grad) {
+  ForVectors(count, [&](int64_t s) {
+    Vector mean = hn::Zero(Tag());
+    for (int64_t r = 0; r < num_rows; ++r) mean = hn::MulAdd(Row(weights, r, s), Row(grad, r, s), mean);
+    for (int64_t r = 0; r < num_rows; ++r) {
+      SetRow(hn::Mul(Row(weights, r, s), hn::Sub(Row(grad, r, s), mean)), grad, r, s);
+    }
+  });
+}
+
+void WeightedSumImpl(const float* weights, const float* keys, const float* scale, const float* offset, int64_t num,
+                     int64_t count, float* anchor, float* ambient) {
+  ForVectors(count, [&](int64_t s) {
+    for (int axis = 0; axis < 3; ++axis) {
+      Vector p = hn::Zero(Tag()), q = hn::Zero(Tag());
+      for (int64_t i = 0; i < num; ++i) {
+        const Vector w = Row(weights, i, s), k = Row(keys, 3 * i + axis, s);
+        p = hn::MulAdd(w, k, p);
+        q = hn::MulAdd(w, hn::MulAdd(k, Broadcast(scale[i]), Broadcast(offset[3 * i + axis])), q);
+      }
+      SetRow(p, anchor, axis, s);
+      SetRow(q, ambient, axis, s);
+    }
+  });
+}
+
+void WeightedSumGradientImpl(const float* weights, const float* keys, const float* scale, const float* offset,
+                             int64_t num, int64_t count, const float* grad_anchor, const float* grad_ambient,
+                             float* grad_weights, float* grad_keys) {
+  ForVectors(count, [&](int64_t s) {
+    for (int64_t i = 0; i < num; ++i) {
+      const Vector w = Row(weights, i, s), stretch = Broadcast(scale[i]);
+      Vector sum = hn::Zero(Tag());
+      for (int axis = 0; axis < 3; ++axis) {
+        const Vector k = Row(keys, 3 * i + axis, s), g = Row(grad_anchor, axis, s), h = Row(grad_ambient, axis, s);
+        const Vector q = hn::MulAdd(k, stretch, Broadcast(offset[3 * i + axis]));
+        sum = hn::MulAdd(g, k, hn::MulAdd(h, q, sum));
+        SetRow(hn::Mul(w, hn::MulAdd(h, stretch, g)), grad_keys, 3 * i + axis, s);
+      }
+      SetRow(sum, grad_weights, i, s);
+    }
+  });
+}
+
+void AddRowsImpl(const float* a, const float* b, float factor, int64_t num_rows, int64_t count, float* sum) {
+  for (int64_t r = 0; r < num_rows; ++r) {
+    ForVectors(count, [&](int64_t s) { SetRow(hn::MulAdd(Row(b, r, s), Broadcast(factor), Row(a, r, s)), sum, r, s); });
+  }
+}
+
+void AddScaledRowsImpl(const float* factor, const float* rows, int64_t num_rows, int64_t count, float* sum) {
+  for (int64_t r = 0; r < num_rows; ++r) {
+    ForVectors(count,
+               [&](int64_t s) { SetRow(hn::MulAdd(Row(rows, r, s), Row(factor, 0, s), Row(sum, r, s)), sum, r, s); });
+  }
+}
+
+int64_t AppendKeptImpl(const float* keep, const float* from, int64_t first, int64_t num_rows, int64_t at, float* to) {
+  const Tag tag;
+  const auto lanes = static_cast<int64_t>(hn::Lanes(tag));
+  int64_t kept = 0;
+  for (int64_t part = 0; part < 16; part += lanes) {
+    const int64_t column = first + part;
+    const auto mask = hn::Gt(Row(keep, 0, column), hn::Zero(tag));
+    const auto count = static_cast<int64_t>(hn::CountTrue(tag, mask));
+    if (count == lanes) {
+      for (int64_t r = 0; r < num_rows; ++r) SetRow(Row(from, r, column), to, r, at + kept);
+    } else if (count > 0) {
+      for (int64_t r = 0; r < num_rows; ++r) SetRow(hn::Compress(Row(from, r, column), mask), to, r, at + kept);
+    }
+    kept += count;
+  }
+  return kept;
+}
+
+void LightAlongRaysImpl(const float* tau, const float* before, int64_t count, float* light, float* weight) {
+  const Tag tag;
+  ForVectors(count, [&](int64_t s) {
+    // Beyond e^-80 nothing is seen; the exponential of less would be denormal.
+    const Vector arriving = Exp(AtLeast(Broadcast(-80.0F), hn::Neg(hn::LoadU(tag, before + s))));
+    const Vector alpha = hn::Neg(hn::Expm1(tag, AtLeast(Broadcast(-80.0F), hn::Neg(hn::LoadU(tag, tau + s)))));
+    hn::StoreU(arriving, tag, light + s);
+    hn::StoreU(hn::Mul(arriving, alpha), tag, weight + s);
+  });
+}
+
+// Sixteen rows at a time through registers, by the compiler's own vectors: Highway has no shuffle across 128-bit blocks
+// that works for every target.
+using Sixteen = float __attribute__((vector_size(64)));
+
+HWY_INLINE void TransposeBlock(const float* rows, float* out, int64_t out_stride) {
+  Sixteen a[16], b[16];
+  for (int i = 0; i < 16; ++i) __builtin_memcpy(&a[i], TileRow(rows, i), sizeof(Sixteen));
+  // Each stage interleaves row i with row i + 8; four of them rotate the four bits of the row number into the column.
+  for (int stage = 0; stage < 4; ++stage) {
+    for (int i = 0; i < 8; ++i) {
+      b[2 * i] = __builtin_shufflevector(a[i], a[i + 8], 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+      b[2 * i + 1] =
+          __builtin_shufflevector(a[i], a[i + 8], 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
+    }
+    for (int i = 0; i < 16; ++i) a[i] = b[i];
+  }
+  for (int i = 0; i < 16; ++i) __builtin_memcpy(out + i * out_stride, &a[i], sizeof(Sixteen));
+}
+
+void TransposeRowsImpl(const float* rows, int64_t num_rows, int64_t count, float* out, int64_t out_stride) {
+  for (int64_t s = 0; s < count; s += 16) {
+    for (int64_t r = 0; r < num_rows; r += 16) {
+      TransposeBlock(TileRow(rows, r) + s, out + s * out_stride + r, out_stride);
+    }
+  }
+}
+
+void AddRowSumsImpl(const float* rows, int64_t num_rows, int64_t count, float* sums) {
+  const Tag tag;
+  const auto lanes = static_cast<int64_t>(hn::Lanes(tag));
+  for (int64_t r = 0; r < num_rows; ++r) {
+    const float* const row = TileRow(rows, r);
+    Vector total = hn::Zero(tag);
+    int64_t s = 0;
+    for (; s + lanes <= count; s += lanes) total = hn::Add(total, hn::LoadU(tag, row + s));
+    float sum = hn::GetLane(hn::SumOfLanes(tag, total));
+    for (; s < count; ++s) sum += row[s];
+    sums[r] += sum;
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace editnerf
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace editnerf {
+
+HWY_EXPORT(UnitCoordinatesImpl);
+HWY_EXPORT(LocalCoordinatesImpl);
+HWY_EXPORT(ScaleRowsByRow);
+HWY_EXPORT(ScaleRowsByOne);
+HWY_EXPORT(EncodeTileImpl);
+HWY_EXPORT(EncodeTileGradientImpl);
+HWY_EXPORT(DensityOfImpl);
+HWY_EXPORT(SigmoidImpl);
+HWY_EXPORT(SubtractDistancesImpl);
+HWY_EXPORT(SoftmaxImpl);
+HWY_EXPORT(SoftmaxGradientImpl);
+HWY_EXPORT(WeightedSumImpl);
+HWY_EXPORT(WeightedSumGradientImpl);
+HWY_EXPORT(AddRowsImpl);
+HWY_EXPORT(AddScaledRowsImpl);
+HWY_EXPORT(AppendKeptImpl);
+HWY_EXPORT(LightAlongRaysImpl);
+HWY_EXPORT(TransposeRowsImpl);
+HWY_EXPORT(AddRowSumsImpl);
+
+void UnitCoordinates(const float* x, const float low[3], float side, int64_t count, float* unit) {
+  HWY_DYNAMIC_DISPATCH(UnitCoordinatesImpl)(x, low, side, count, unit);
+}
+
+void LocalCoordinates(const float* x, const float* anchor, float side, float margin, int64_t count, float* unit,
+                      float* fade) {
+  HWY_DYNAMIC_DISPATCH(LocalCoordinatesImpl)(x, anchor, side, margin, count, unit, fade);
+}
+
+void ScaleRows(const float* factor, int64_t num_rows, int64_t count, float* rows) {
+  HWY_DYNAMIC_DISPATCH(ScaleRowsByRow)(factor, num_rows, count, rows);
+}
+
+void ScaleRows(float factor, int64_t num_rows, int64_t count, float* rows) {
+  HWY_DYNAMIC_DISPATCH(ScaleRowsByOne)(factor, num_rows, count, rows);
+}
+
+void EncodeTile(const float* x, int64_t dim, int64_t octaves, float window, int64_t count, float* out) {
+  HWY_DYNAMIC_DISPATCH(EncodeTileImpl)(x, dim, octaves, window, count, out);
+}
+
+void EncodeTileGradient(const float* out, const float* grad, int64_t dim, int64_t octaves, float window, int64_t count,
+                        float* grad_x) {
+  HWY_DYNAMIC_DISPATCH(EncodeTileGradientImpl)(out, grad, dim, octaves, window, count, grad_x);
+}
+
+void DensityOf(const float* x, float bias, float limit, int64_t count, float* density) {
+  HWY_DYNAMIC_DISPATCH(DensityOfImpl)(x, bias, limit, count, density);
+}
+
+void Sigmoid(int64_t num_rows, int64_t count, float* rows) { HWY_DYNAMIC_DISPATCH(SigmoidImpl)(num_rows, count, rows); }
+
+void SubtractDistances(const float* x, const float* anchors, int64_t num, int64_t per, float scale, int64_t count,
+                       float* logits) {
+  HWY_DYNAMIC_DISPATCH(SubtractDistancesImpl)(x, anchors, num, per, scale, count, logits);
+}
+
+void Softmax(int64_t num_rows, int64_t count, float* rows) { HWY_DYNAMIC_DISPATCH(SoftmaxImpl)(num_rows, count, rows); }
+
+void SoftmaxGradient(const float* weights, int64_t num_rows, int64_t count, float* grad) {
+  HWY_DYNAMIC_DISPATCH(SoftmaxGradientImpl)(weights, num_rows, count, grad);
+}
+
+void WeightedSum(const float* weights, const float* keys, const float* scale, const float* offset, int64_t num,
+                 int64_t count, float* anchor, float* ambient) {
+  HWY_DYNAMIC_DISPATCH(WeightedSumImpl)(weights, keys, scale, offset, num, count, anchor, ambient);
+}
+
+void WeightedSumGradient(const float* weights, const float* keys, const float* scale, const float* offset, int64_t num,
+                         int64_t count, const float* grad_anchor, const float* grad_ambient, float* grad_weights,
+                         float* grad_keys) {
+  HWY_DYNAMIC_DISPATCH(WeightedSumGradientImpl)
+  (weights, keys, scale, offset, num, count, grad_anchor, grad_ambient, grad_weights, grad_keys);
+}
+
+void AddRows(const float* a, const float* b, float factor, int64_t num_rows, int64_t count, float* sum) {
+  HWY_DYNAMIC_DISPATCH(AddRowsImpl)(a, b, factor, num_rows, count, sum);
+}
+
+void AddScaledRows(const float* factor, const float* rows, int64_t num_rows, int64_t count, float* sum) {
+  HWY_DYNAMIC_DISPATCH(AddScaledRowsImpl)(factor, rows, num_rows, count, sum);
+}
+
+int64_t AppendKept(const float* keep, const float* from, int64_t first, int64_t num_rows, int64_t at, float* to) {
+  return HWY_DYNAMIC_DISPATCH(AppendKeptImpl)(keep, from, first, num_rows, at, to);
+}
+
+void LightAlongRays(const float* tau, const float* before, int64_t count, float* light, float* weight) {
+  HWY_DYNAMIC_DISPATCH(LightAlongRaysImpl)(tau, before, count, light, weight);
+}
+
+void TransposeRows(const float* rows, int64_t num_rows, int64_t count, float* out, int64_t out_stride) {
+  HWY_DYNAMIC_DISPATCH(TransposeRowsImpl)(rows, num_rows, count, out, out_stride);
+}
+
+void AddRowSums(const float* rows, int64_t num_rows, int64_t count, float* sums) {
+  HWY_DYNAMIC_DISPATCH(AddRowSumsImpl)(rows, num_rows, count, sums);
+}
+
+}  // namespace editnerf
+#endif

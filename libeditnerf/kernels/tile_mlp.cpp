@@ -1,0 +1,137 @@
+#include "libeditnerf/kernels/tile_mlp.h"
+
+#include <algorithm>
+
+#include "libeditnerf/kernels/dense_product.h"
+#include "libeditnerf/kernels/tile.h"
+#include "libeditnerf/kernels/tile_functions.h"
+
+namespace editnerf {
+namespace {
+
+// Of the two factors of a weight gradient the one with fewer rows is transposed, and the product has its other side.
+bool HasTransposedSums(int64_t in, int64_t out) { return out < in; }
+
+}  // namespace
+
+void TileMlpSums::Clear() {
+  for (Layer& layer : layers_) {
+    std::fill(layer.weight.begin(), layer.weight.end(), 0.0F);
+    std::fill(layer.bias.begin(), layer.bias.end(), 0.0F);
+  }
+}
+
+void TileMlpSums::Add(const TileMlpSums& other) {
+  const auto add = [](const std::vector<float>& from, std::vector<float>& to) {
+    for (size_t i = 0; i < to.size(); ++i) to[i] += from[i];
+  };
+  for (size_t l = 0; l < layers_.size(); ++l) {
+    add(other.layers_[l].weight, layers_[l].weight);
+    add(other.layers_[l].bias, layers_[l].bias);
+  }
+}
+
+TileMlp::TileMlp(const MlpLayers& layers) {
+  for (size_t l = 0; l < layers.weights.size(); ++l) {
+    Layer layer;
+    layer.out = layers.weights[l].size(0);
+    layer.in = layers.weights[l].size(1);
+    layer.weight = layers.weights[l].data_ptr<float>();
+    layer.bias = layers.biases[l].data_ptr<float>();
+    layer.relu = l + 1 < layers.weights.size() || !layers.linear_output;
+    activation_rows_ += layer.out;
+    widest_ = std::max({widest_, PaddedWidth(layer.out), PaddedWidth(layer.in)});
+    layers_.push_back(layer);
+  }
+}
+
+void TileMlp::Forward(const float* input, int64_t count, float* activations) const {
+  const float* before = input;
+  float* after = activations;
+  for (const Layer& layer : layers_) {
+    DenseProduct p;
+    p.rows = layer.out, p.inner = layer.in, p.columns = PaddedSamples(count);
+    p.a = layer.weight, p.a_row = layer.in;
+    p.b = before, p.b_row = kTileStride;
+    p.c = after, p.c_row = kTileStride;
+    p.bias = layer.bias;
+    MultiplyDense(p, layer.relu ? DenseResult::kRowBiasRelu : DenseResult::kRowBias);
+    before = after;
+    after = TileRow(after, layer.out);
+  }
+}
+
+void TileMlp::Backward(const float* input, const float* activations, const float* grad_out, int64_t count,
+                       float* scratch, TileMlpSums& sums, c10::ArrayRef<InputGradient> grad_inputs) const {
+  float* next = scratch;
+  float* other = TileRow(scratch, widest_);
+  const float* grad = grad_out;
+  int64_t row = activation_rows_;
+  for (size_t l = layers_.size(); l-- > 0;) {
+    const Layer& layer = layers_[l];
+    row -= layer.out;
+    const float* const before = l > 0 ? TileRow(activations, row - layers_[l - 1].out) : input;
+    AddRowSums(grad, layer.out, count, sums.layers_[l].bias.data());
+    AddWeightGradient(layer, before, grad, count, sums.layers_[l]);
+    DenseProduct p;
+    p.inner = layer.out, p.columns = PaddedSamples(count);
+    p.a_row = 1, p.a_inner = layer.in;
+    p.b = grad, p.b_row = kTileStride;
+    p.c_row = kTileStride;
+    if (l > 0) {
+      p.rows = layer.in, p.a = layer.weight, p.c = next;
+      p.mask = before, p.mask_row = kTileStride;
+      MultiplyDense(p, DenseResult::kMask);
+      grad = next;
+      std::swap(next, other);
+      continue;
+    }
+    for (const InputGradient& part : grad_inputs) {
+      p.rows = part.rows, p.a = layer.weight + part.first, p.c = part.to;
+      MultiplyDense(p, DenseResult::kStore);
+    }
+  }
+}
+
+// [out, in] = sum over samples of grad[o] before[i].
+void TileMlp::AddWeightGradient(const Layer& layer, const float* before, const float* grad, int64_t count,
+                                TileMlpSums::Layer& sums) const {
+  // Rows of sixteen samples each hold a whole transposed column.
+  thread_local std::vector<float> transposed;
+  const bool swap = HasTransposedSums(layer.in, layer.out);
+  const int64_t columns = swap ? layer.out : layer.in, padded = PaddedWidth(columns);
+  if (transposed.size() < static_cast<size_t>(kTile * padded)) transposed.resize(static_cast<size_t>(kTile * padded));
+  TransposeRows(swap ? grad : before, padded, PaddedSamples(count), transposed.data(), padded);
+  DenseProduct p;
+  p.rows = swap ? layer.in : layer.out, p.inner = count, p.columns = padded;
+  p.a = swap ? before : grad, p.a_row = kTileStride;
+  p.b = transposed.data(), p.b_row = padded;
+  p.c = sums.weight.data(), p.c_row = padded;
+  MultiplyDense(p, DenseResult::kAdd);
+}
+
+TileMlpSums TileMlp::MakeSums() const {
+  TileMlpSums sums;
+  for (const Layer& layer : layers_) {
+    const bool swap = HasTransposedSums(layer.in, layer.out);
+    const int64_t rows = swap ? layer.in : layer.out, columns = PaddedWidth(swap ? layer.out : layer.in);
+    sums.layers_.push_back({std::vector<float>(static_cast<size_t>(rows * columns)),
+                            std::vector<float>(static_cast<size_t>(PaddedWidth(layer.out)))});
+  }
+  return sums;
+}
+
+void TileMlp::AddSums(const TileMlpSums& sums, size_t index, float* weight, float* bias) const {
+  const Layer& layer = layers_[index];
+  const TileMlpSums::Layer& from = sums.layers_[index];
+  const bool swap = HasTransposedSums(layer.in, layer.out);
+  const int64_t padded = PaddedWidth(swap ? layer.out : layer.in);
+  for (int64_t o = 0; o < layer.out; ++o) {
+    for (int64_t i = 0; i < layer.in; ++i) {
+      weight[o * layer.in + i] += from.weight[static_cast<size_t>(swap ? i * padded + o : o * padded + i)];
+    }
+    bias[o] += from.bias[static_cast<size_t>(o)];
+  }
+}
+
+}  // namespace editnerf

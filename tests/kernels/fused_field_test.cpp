@@ -1,0 +1,434 @@
+// The fused kernels against the modules: a HyperspaceField differentiates the same objective both ways.
+#include "libeditnerf/kernels/fused_field.h"
+
+#include <hwy/targets.h>
+#include <torch/torch.h>
+
+#include <map>
+#include <string>
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/parallel.h"
+#include "libeditnerf/field/hyperspace_field.h"
+#include "libeditnerf/kernels/fused_rays.h"
+#include "libeditnerf/render/ray_renderer.h"
+#include "libeditnerf/training/losses.h"
+#include "tests/catch.h"
+
+using namespace editnerf;
+
+namespace {
+
+const Box kBox{{-1, -0.8, -0.6}, {1, 0.9, 1.2}};
+constexpr double kNear = 0.2, kFar = 3.0;
+constexpr int64_t kFrames = 5;
+
+struct Setting {
+  FieldStage stage = FieldStage::kTrain;
+  int64_t key_points = 1;
+  bool appearance = false, direction = true;
+  double early_stop = 0.02;
+  int64_t rays = 33;
+  int64_t steps = 24;
+  double density_bias = 0.5;
+};
+
+HyperspaceFieldOptions OptionsFor(const Setting& setting) {
+  HyperspaceFieldOptions options;
+  FieldConfig& config = options.config;
+  config.kind = "fast";
+  config.warp.enabled = false;
+  config.use_appearance = setting.appearance;
+  config.use_view_direction = setting.direction;
+  config.code_init = 0.5;
+  config.slicing.num_octaves = 3, config.slicing.depth = 2, config.slicing.width = 24, config.slicing.skip_layer = 0;
+  config.slicing.output_init = 0.3;
+  config.weights.num_octaves = 3, config.weights.depth = 2, config.weights.width = 20;
+  config.weights.output_init = 0.3, config.weights.distance_prior = 2;
+  HashEncodingConfig& hash = config.fast.canonical_hash;
+  hash.num_levels = 5, hash.log2_table_size = 10, hash.base_resolution = 4, hash.finest_resolution = 40;
+  config.fast.local_hash = hash;
+  config.fast.local_hash.num_levels = 4;
+  config.fast.width = 40;
+  config.fast.density_bias = setting.density_bias;
+  options.stage = setting.stage;
+  options.num_frames = kFrames;
+  options.box = kBox;
+  if (setting.stage == FieldStage::kTrain && setting.key_points > 0) {
+    options.num_key_points = setting.key_points;
+    options.initial_tracks = torch::rand({kFrames, setting.key_points, 3}) - 0.5;
+  }
+  return options;
+}
+
+std::shared_ptr<HyperspaceField> MakeField(const Setting& setting) {
+  auto field = std::make_shared<HyperspaceField>(OptionsFor(setting));
+  const torch::NoGradGuard no_grad;
+  for (const auto& item : field->named_parameters()) {
+    // Features of any size, so that everything matters.
+    if (item.key().find("_table") != std::string::npos) item.value().uniform_(-1, 1);
+    if (item.key().find("bias") != std::string::npos) item.value().uniform_(-0.3, 0.3);
+  }
+  field->SetStep(1000000);
+  return field;
+}
+
+RenderConfig ConfigFor(const Setting& setting) {
+  RenderConfig config;
+  config.sampler = "occupancy";
+  config.march_steps = setting.steps;
+  config.occupancy_resolution = 8;
+  config.early_stop = setting.early_stop;
+  return config;
+}
+
+RayBatch RandomRays(int64_t count) {
+  RayBatch rays;
+  rays.origin = torch::rand({count, 3}) - torch::tensor({0.5F, 0.5F, 2.0F});
+  const auto toward = torch::rand({count, 3}) - 0.5 - rays.origin;
+  rays.direction = toward / toward.norm(2, -1, true);
+  rays.state = torch::randint(kFrames, {count}, torch::kInt64);
+  return rays;
+}
+
+RayObjective ObjectiveFor(const Setting& setting) {
+  RayObjective objective;
+  objective.target = torch::rand({setting.rays, 3});
+  objective.distortion = 0.3;
+  objective.depth = 0.4;
+  if (setting.stage == FieldStage::kPretrain) objective.ambient = 0.2;
+  return objective;
+}
+
+using Gradients = std::map<std::string, torch::Tensor>;
+
+Gradients GradientsOf(HyperspaceField& field) {
+  Gradients gradients;
+  for (const auto& item : field.named_parameters()) {
+    gradients[item.key()] =
+        item.value().grad().defined() ? item.value().grad().clone() : torch::zeros_like(item.value());
+    item.value().mutable_grad() = torch::Tensor();
+  }
+  return gradients;
+}
+
+struct Found {
+  double reconstruction, distortion, ambient, depth;
+  int64_t samples;
+  Gradients gradients;
+};
+
+FrameStates AllStates(HyperspaceField& field) { return field.States(torch::arange(kFrames, torch::kInt64)); }
+
+Found ModuleByModule(HyperspaceField& field, RayRenderer& renderer, RayBatch rays, RayOptions options,
+                     RayObjective objective, torch::Dtype type) {
+  field.to(type);
+  for (torch::Tensor* const tensor : {&rays.origin, &rays.direction, &options.background, &options.jitter,
+                                      &options.distance, &options.tolerance, &objective.target}) {
+    *tensor = tensor->to(type);
+  }
+  const RayResult result = renderer.Render(field, rays, AllStates(field), options);
+  auto total = ReconstructionLoss(result.rgb, {}, objective.target);
+  Found found = {total.item<double>(), 0, 0, 0, result.samples, {}};
+  const auto depth = objective.depth * result.depth_miss;
+  found.depth = depth.item<double>();
+  total = total + depth;
+  const auto distortion = objective.distortion * result.distortion.mean();
+  found.distortion = distortion.item<double>();
+  total = total + distortion;
+  if (objective.ambient > 0) {
+    const auto ambient = objective.ambient * AmbientRegularisation(result.ambient, result.depth_valid);
+    found.ambient = ambient.item<double>();
+    total = total + ambient;
+  }
+  total.backward();
+  found.gradients = GradientsOf(field);
+  field.to(torch::kFloat32);
+  return found;
+}
+
+Found Fused(HyperspaceField& field, RayRenderer& renderer, const RayBatch& rays, const RayOptions& options,
+            const RayObjective& objective) {
+  const FrameStates states = AllStates(field);
+  const auto result = renderer.AddGradients(field, rays, states, options, objective);
+  REQUIRE(result.has_value());
+  for (const auto table : {&FrameStates::key_points, &FrameStates::warp_code, &FrameStates::appearance_code}) {
+    REQUIRE((states.*table).defined() == (result->states.*table).defined());
+    if ((states.*table).defined()) (states.*table).backward(result->states.*table);
+  }
+  return {result->reconstruction, result->distortion, result->ambient,
+          result->depth,          result->samples,    GradientsOf(field)};
+}
+
+double RelativeDifference(const torch::Tensor& found, const torch::Tensor& expected) {
+  return (found - expected).norm().item<double>() / std::max(expected.norm().item<double>(), 1e-9);
+}
+
+void CheckAgainstModules(const Setting& setting, double tolerance = 1e-5) {
+  INFO("stage " << static_cast<int>(setting.stage) << ", " << setting.key_points << " key points, appearance "
+                << setting.appearance << ", direction " << setting.direction << ", " << setting.rays << " rays, "
+                << setting.steps << " steps, early stop " << setting.early_stop);
+  const auto field = MakeField(setting);
+  std::optional<Box> local_box;
+  if (field->has_rigid_anchor()) local_box = Box{{-2, -2, -2}, {2, 2, 2}};
+  RayRenderer renderer(ConfigFor(setting), kNear, kFar, kBox, local_box);
+  const RayBatch rays = RandomRays(setting.rays);
+  const RayObjective objective = ObjectiveFor(setting);
+  RayOptions options;
+  options.training = true;
+  options.distortion = true;
+  options.background = torch::rand({setting.rays, 3});
+  options.jitter = torch::rand({setting.rays});
+  options.distance = torch::rand({setting.rays}) * (kFar - kNear) + kNear;
+  options.distance.slice(0, 0, setting.rays, 3).fill_(NAN);
+  options.tolerance = torch::rand({setting.rays}) * 0.1;
+  const Found exact = ModuleByModule(*field, renderer, rays, options, objective, torch::kFloat64);
+  const Found expected = ModuleByModule(*field, renderer, rays, options, objective, torch::kFloat32);
+  const Found found = Fused(*field, renderer, rays, options, objective);
+  CHECK(found.samples == expected.samples);
+  CHECK(found.reconstruction == Approx(expected.reconstruction).epsilon(tolerance));
+  CHECK(found.distortion == Approx(expected.distortion).epsilon(tolerance));
+  CHECK(found.depth == Approx(expected.depth).epsilon(tolerance).margin(1e-12));
+  CHECK(found.ambient == Approx(expected.ambient).epsilon(tolerance).margin(1e-12));
+  for (const auto& [name, gradient] : expected.gradients) {
+    INFO(name);
+    // Where a sum cancels, as before a softmax, float32 is no better module by module either; and what a bias sums is
+    // as large as what its layer's weights sum.
+    const double rounding = RelativeDifference(gradient, exact.gradients.at(name));
+    double size = gradient.norm().item<double>();
+    if (const auto at = name.rfind(".bias"); at != std::string::npos) {
+      size = std::max(size, expected.gradients.at(name.substr(0, at) + ".weight").norm().item<double>());
+    }
+    const double difference = (found.gradients.at(name) - gradient).norm().item<double>();
+    CHECK(difference <= std::max(tolerance, 2 * rounding) * size);
+  }
+}
+
+// Runs the body once for each instruction set that this machine and this build have.
+template <class Body>
+void ForEachTarget(const Body& body) {
+  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    INFO(hwy::TargetName(target));
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    body();
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+}
+
+}  // namespace
+
+TEST_CASE("fused gradients are those of the modules for one to eight key points, and for none") {
+  torch::manual_seed(1);
+  for (const int64_t key_points : {0, 1, 2, 3, 5, 8}) {
+    Setting setting;
+    setting.key_points = key_points;
+    CheckAgainstModules(setting);
+  }
+}
+
+TEST_CASE("fused gradients of pretraining are those of the modules") {
+  torch::manual_seed(2);
+  Setting setting;
+  setting.stage = FieldStage::kPretrain;
+  CheckAgainstModules(setting);
+  setting.appearance = true;
+  CheckAgainstModules(setting);
+}
+
+TEST_CASE("fused gradients are those of the modules with and without what a scene may not need") {
+  torch::manual_seed(3);
+  for (const int64_t key_points : {1, 2}) {
+    for (const bool appearance : {false, true}) {
+      for (const bool direction : {false, true}) {
+        Setting setting;
+        setting.key_points = key_points;
+        setting.appearance = appearance;
+        setting.direction = direction;
+        CheckAgainstModules(setting);
+      }
+    }
+  }
+}
+
+TEST_CASE("fused gradients are those of the modules for odd numbers of rays and samples") {
+  torch::manual_seed(4);
+  for (const int64_t rays : {1, 2, 7, 63, 64, 65, 200}) {
+    for (const int64_t steps : {2, 7, 33}) {
+      Setting setting;
+      setting.rays = rays;
+      setting.steps = steps;
+      setting.key_points = 2;
+      CheckAgainstModules(setting);
+    }
+  }
+}
+
+TEST_CASE("fused gradients are those of the modules wherever rays end") {
+  torch::manual_seed(5);
+  for (const double early_stop : {0.0, 1e-3, 0.4}) {
+    for (const double bias : {-3.0, 3.0}) {
+      Setting setting;
+      setting.early_stop = early_stop;
+      setting.density_bias = bias;
+      setting.steps = 60;
+      CheckAgainstModules(setting);
+    }
+  }
+}
+
+TEST_CASE("fused gradients are those of the modules for every instruction set of this machine") {
+  ForEachTarget([] {
+    torch::manual_seed(6);
+    Setting setting;
+    setting.key_points = 3;
+    setting.appearance = true;
+    CheckAgainstModules(setting);
+    setting.key_points = 1;
+    CheckAgainstModules(setting);
+    setting.stage = FieldStage::kPretrain;
+    CheckAgainstModules(setting);
+  });
+}
+
+TEST_CASE("rays without samples show the background and give no gradient") {
+  torch::manual_seed(7);
+  Setting setting;
+  setting.rays = 5;
+  const auto field = MakeField(setting);
+  RayRenderer renderer(ConfigFor(setting), kNear, kFar, kBox, Box{{-2, -2, -2}, {2, 2, 2}});
+  RayBatch rays = RandomRays(5);
+  rays.origin = rays.origin + 100;
+  RayOptions options;
+  options.background = torch::rand({5, 3});
+  options.distortion = true;
+  RayObjective objective = ObjectiveFor(setting);
+  const auto found = Fused(*field, renderer, rays, options, objective);
+  CHECK(found.samples == 0);
+  CHECK(found.reconstruction == Approx((options.background - objective.target).square().mean().item<double>()));
+  for (const auto& [name, gradient] : found.gradients) CHECK(gradient.abs().sum().item<double>() == 0);
+  const torch::NoGradGuard no_grad;
+  options.distortion = false;
+  const auto seen = renderer.Render(*field, rays, AllStates(*field), options);
+  CHECK(torch::equal(seen.rgb, options.background));
+  CHECK_FALSE(seen.depth_valid.any().item<bool>());
+  CHECK(torch::isnan(seen.depth).all().item<bool>());
+}
+
+TEST_CASE("fused pictures are those of the modules") {
+  torch::manual_seed(8);
+  for (const int64_t key_points : {1, 3}) {
+    Setting setting;
+    setting.key_points = key_points;
+    setting.rays = 300;
+    setting.steps = 40;
+    setting.density_bias = 2;
+    const auto field = MakeField(setting);
+    RayRenderer renderer(ConfigFor(setting), kNear, kFar, kBox);
+    const RayBatch rays = RandomRays(setting.rays);
+    RayOptions options;
+    options.background = torch::tensor({0.2F, 0.5F, 0.9F});
+    const RayResult expected = renderer.Render(*field, rays, AllStates(*field), options);  // with gradients
+    const torch::NoGradGuard no_grad;
+    const RayResult found = renderer.Render(*field, rays, AllStates(*field), options);
+    CHECK(found.samples == expected.samples);
+    CHECK(RelativeDifference(found.rgb, expected.rgb) < 1e-5);
+    CHECK(RelativeDifference(found.opacity, expected.opacity) < 1e-5);
+    CHECK(torch::equal(found.depth_valid, expected.depth_valid));
+    CHECK(torch::allclose(found.depth, expected.depth, 1e-5, 1e-6, /*equal_nan=*/true));
+    const auto valid = found.depth_valid;
+    REQUIRE(valid.any().item<bool>());
+    for (const auto member :
+         {&RayResult::x_observed, &RayResult::x_canonical, &RayResult::ambient, &RayResult::weights}) {
+      REQUIRE((found.*member).defined() == (expected.*member).defined());
+      if ((found.*member).defined()) {
+        CHECK(RelativeDifference((found.*member).index({valid}), (expected.*member).index({valid})) < 1e-5);
+      }
+    }
+    options.depth_only = true;
+    const RayResult depth = renderer.Render(*field, rays, AllStates(*field), options);
+    CHECK(torch::allclose(depth.depth, found.depth, 1e-6, 1e-6, /*equal_nan=*/true));
+    CHECK_FALSE(depth.rgb.defined());
+  }
+}
+
+TEST_CASE("fused densities are those of the modules, inside, on and outside the box, for any number of points") {
+  torch::manual_seed(9);
+  for (const FieldStage stage : {FieldStage::kPretrain, FieldStage::kTrain}) {
+    for (const int64_t count : {0, 1, 7, 63, 64, 65, 1000}) {
+      Setting setting;
+      setting.stage = stage;
+      setting.key_points = 2;
+      const auto field = MakeField(setting);
+      const torch::NoGradGuard no_grad;
+      FieldInput input;
+      input.x_observed = torch::rand({count, 3}) * 3 - 1.5;
+      if (count > 1) {
+        input.x_observed[0] = torch::tensor({kBox.low.x, kBox.low.y, kBox.low.z}, torch::kFloat32);
+        input.x_observed[count - 1] = torch::tensor({kBox.high.x, kBox.high.y, kBox.high.z}, torch::kFloat32);
+      }
+      input.state = torch::randint(kFrames, {count}, torch::kInt64);
+      const FrameStates states = AllStates(*field);
+      const auto expected = field->EvaluateDensity(input, states, Level::kFine).density;
+      const auto found =
+          FusedDensity(FieldKernel(*field->Fused(), FusedStatesOf(states)), input.x_observed, input.state);
+      CHECK(RelativeDifference(found, expected) < 1e-5);
+    }
+  }
+}
+
+TEST_CASE("fused gradients are the same bits in every run with as many threads") {
+  torch::manual_seed(10);
+  Setting setting;
+  setting.key_points = 2;
+  setting.rays = 150;
+  const auto field = MakeField(setting);
+  const RayBatch rays = RandomRays(setting.rays);
+  const RayObjective objective = ObjectiveFor(setting);
+  RayOptions options;
+  options.jitter = torch::rand({setting.rays});
+  std::optional<Found> first;
+  for (int run = 0; run < 4; ++run) {
+    RayRenderer renderer(ConfigFor(setting), kNear, kFar, kBox);
+    const Found found = Fused(*field, renderer, rays, options, objective);
+    if (!first) first = found;
+    CHECK(found.reconstruction == first->reconstruction);
+    for (const auto& [name, gradient] : first->gradients) {
+      INFO(name);
+      CHECK(torch::equal(found.gradients.at(name), gradient));
+    }
+  }
+}
+
+TEST_CASE("only the fast field without warp in float32 offers itself to the kernels") {
+  Setting setting;
+  CHECK(MakeField(setting)->Fused().has_value());
+  auto options = OptionsFor(setting);
+  options.config.warp.enabled = true;
+  CHECK_FALSE(HyperspaceField(options).Fused().has_value());
+  options = OptionsFor(setting);
+  options.config.kind = "paper";
+  CHECK_FALSE(HyperspaceField(options).Fused().has_value());
+  options = OptionsFor(setting);
+  options.config.fast.canonical_hash.features_per_level = 4;
+  CHECK_FALSE(HyperspaceField(options).Fused().has_value());
+  const auto field = MakeField(setting);
+  field->to(torch::kFloat64);
+  CHECK_FALSE(field->Fused().has_value());
+}
+
+TEST_CASE("fused kernels refuse states that do not fit") {
+  Setting setting;
+  setting.key_points = 2;
+  const auto field = MakeField(setting);
+  RayRenderer renderer(ConfigFor(setting), kNear, kFar, kBox);
+  RayBatch rays = RandomRays(3);
+  const torch::NoGradGuard no_grad;
+  CHECK_THROWS_AS(renderer.Render(*field, rays, {}, {}), ShapeError);
+  FrameStates one;
+  one.key_points = torch::zeros({1, 1, 3});
+  CHECK_THROWS_AS(renderer.Render(*field, rays, one, {}), ShapeError);
+  rays.state = torch::full({3}, kFrames, torch::kInt64);
+  CHECK_THROWS_AS(renderer.Render(*field, rays, AllStates(*field), {}), ShapeError);
+}
