@@ -33,8 +33,8 @@ struct LocalCoordinates {
 LocalCoordinates ToLocalCoordinates(const torch::Tensor& tracks);  // [T, N, 3], scene units
 
 // Into `folder` (a scene folder): data/k_points_auto.txt and k_points_auto_coor_I.txt (where there are key points),
-// data/detection.json, data/variance.png, data/motion.png, data/tracks.png, depth/depth_median_ID.npy, flow/flow_ID.npy.
-// Throws DataError naming the file that cannot be written.
+// data/detection.json, data/variance.png, data/motion.png, data/tracks.png, depth/depth_median_ID.npy,
+// flow/flow_ID.npy. Throws DataError naming the file that cannot be written.
 void WriteDetection(const Scene& scene, const PretrainedMaps& maps, const DetectionRun& run,
                     const std::filesystem::path& folder);
 

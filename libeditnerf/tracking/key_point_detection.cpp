@@ -336,11 +336,12 @@ Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const 
   options.resolution = config.volume_resolution;
   options.min_observations = std::min(config.min_observations, frames);
   options.smoothing = config.smoothing;
-  detection.volume = BuildSurfaceVolume(CanonicalPoints(scene, maps), maps.ambient, options);
-  detection.candidates = LocalMaxima(detection.volume, config.min_distance, config.relative_threshold);
-
   Detector detector(scene, maps, flows, flow, config);
   detection.motion = detector.motion();
+  detection.volume = BuildSurfaceVolume(CanonicalPoints(scene, maps), maps.ambient, options,
+                                        detection.motion.MovingPixels(scene.height(), scene.width()));
+  detection.candidates = LocalMaxima(detection.volume, config.min_distance, config.relative_threshold);
+
   const size_t most = kCandidatesPerKeyPoint * At(std::max(config.count, config.max_count));
   const size_t examined = std::min(detection.candidates.size(), most);
   std::vector<Candidate> candidates;

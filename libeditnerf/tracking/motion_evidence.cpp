@@ -111,6 +111,22 @@ double MotionEvidence::At(int64_t t, const Pixel& p) const {
   return known.empty() ? 0 : Median(known);
 }
 
+torch::Tensor MotionEvidence::MovingPixels(int64_t height, int64_t width) const {
+  const int64_t frames = ratio.size(0), rows = ratio.size(1), columns = ratio.size(2);
+  const torch::Tensor cells = torch::zeros({frames, rows, columns}, torch::kBool);
+  bool* moves = cells.data_ptr<bool>();
+  const double half = static_cast<double>(cell) / 2;
+  for (int64_t t = 0; t < frames; ++t) {
+    for (int64_t row = 0; row < rows; ++row) {
+      for (int64_t column = 0; column < columns; ++column) {
+        const Pixel center = {static_cast<double>(column * cell) + half, static_cast<double>(row * cell) + half};
+        *moves++ = At(t, center) >= 1;
+      }
+    }
+  }
+  return cells.repeat_interleave(cell, 1).repeat_interleave(cell, 2).slice(1, 0, height).slice(2, 0, width);
+}
+
 MotionEvidence MeasureMotion(const Clip& clip) {
   MotionEvidence evidence;
   const int64_t frames = clip.num_frames(), size = std::max<int64_t>(2, std::llround(kCellAt320 * clip.PixelScale()));

@@ -105,11 +105,16 @@ torch::Tensor MaskedGaussian(const torch::Tensor& values, const torch::Tensor& m
 }
 
 SurfaceVolume BuildSurfaceVolume(const torch::Tensor& points, const torch::Tensor& ambient,
-                                 const SurfaceVolumeOptions& options) {
+                                 const SurfaceVolumeOptions& options, const torch::Tensor& moving) {
   CheckShape(points, {kAny, kAny, kAny, 3}, "surface points");
   CheckShape(ambient, {points.size(0), points.size(1), points.size(2), kAny}, "ambient coordinates");
   const torch::Tensor all_points = points.to(torch::kFloat32).contiguous();
   const torch::Tensor all_ambient = ambient.to(torch::kFloat32).contiguous();
+  torch::Tensor all_moving;
+  if (moving.defined()) {
+    CheckShape(moving, {points.size(0), points.size(1), points.size(2)}, "moving pixels");
+    all_moving = moving.to(torch::kBool).contiguous();
+  }
   const int64_t frames = points.size(0), height = points.size(1), width = points.size(2), dims = ambient.size(3);
   const Grid grid = FitGrid(all_points, options.resolution);
   const auto voxels = static_cast<size_t>(grid.size[0] * grid.size[1] * grid.size[2]);
@@ -117,7 +122,7 @@ SurfaceVolume BuildSurfaceVolume(const torch::Tensor& points, const torch::Tenso
 
   // Welford's update over frames: stable in float32 where a sum of squares is not.
   std::vector<float> mean(voxels * width_a, 0.0f), squares(voxels * width_a, 0.0f), frame_sum(voxels * width_a, 0.0f);
-  std::vector<int32_t> observed(voxels, 0), frame_count(voxels, 0);
+  std::vector<int32_t> observed(voxels, 0), frame_count(voxels, 0), frame_moving(voxels, 0), moved(voxels, 0);
   std::vector<size_t> touched;
   for (int64_t t = 0; t < frames; ++t) {
     touched.clear();
@@ -132,6 +137,7 @@ SurfaceVolume BuildSurfaceVolume(const torch::Tensor& points, const torch::Tenso
         const auto voxel = static_cast<size_t>(index);
         if (frame_count[voxel]++ == 0) touched.push_back(voxel);
         for (size_t d = 0; d < width_a; ++d) frame_sum[voxel * width_a + d] += a[d];
+        if (all_moving.defined() && all_moving.data_ptr<bool>()[pixel]) ++frame_moving[voxel];
       }
     }
     for (const size_t voxel : touched) {
@@ -143,7 +149,8 @@ SurfaceVolume BuildSurfaceVolume(const torch::Tensor& points, const torch::Tenso
         squares[d] += delta * (value - mean[d]);
         frame_sum[d] = 0;
       }
-      frame_count[voxel] = 0;
+      if (2 * frame_moving[voxel] > frame_count[voxel]) ++moved[voxel];
+      frame_count[voxel] = frame_moving[voxel] = 0;
     }
   }
 
@@ -161,7 +168,12 @@ SurfaceVolume BuildSurfaceVolume(const torch::Tensor& points, const torch::Tenso
     variance[voxel] = sum / (static_cast<float>(observed[voxel]) * static_cast<float>(dims));
   }
   const torch::Tensor mask = volume.observations.ge(std::max<int64_t>(options.min_observations, 2)).to(torch::kFloat32);
-  volume.smoothed = MaskedGaussian(volume.variance, mask, options.smoothing);
+  torch::Tensor evidence = volume.variance;
+  if (all_moving.defined()) {
+    volume.moving = torch::from_blob(moved.data(), shape, torch::kInt32).clone();
+    evidence = volume.variance.sqrt() * volume.moving;
+  }
+  volume.smoothed = MaskedGaussian(evidence, mask, options.smoothing);
   return volume;
 }
 

@@ -4,6 +4,10 @@
 // points of all pixels of all frames fall into voxels together with their ambient coordinates a; a voxel's value is the
 // variance of a over the frames that saw it, averaged over the ambient dimensions. Within a frame a voxel counts once,
 // with its mean: otherwise a frame that sees it from nearby would outvote the others. All arithmetic is in float32.
+//
+// Beyond the paper: on a real capture the ambient coordinates vary wherever the pretrained field was free to, on walls
+// without texture above all. Where it is known which pixels move (motion_evidence.h), what counts is the standard
+// deviation of a times the number of frames in which a surface in the voxel moved.
 #pragma once
 
 #include <torch/types.h>
@@ -25,7 +29,9 @@ struct SurfaceVolumeOptions {
 struct SurfaceVolume {
   torch::Tensor observations;  // [X, Y, Z] int32, frames that saw the voxel
   torch::Tensor variance;      // [X, Y, Z] float32, 0 where observations < min_observations
-  torch::Tensor smoothed;  // [X, Y, Z] float32, masked Gaussian of `variance`, 0 where observations < min_observations
+  torch::Tensor moving;        // [X, Y, Z] int32, frames in which a surface in the voxel moved; undefined if unknown
+  torch::Tensor smoothed;  // [X, Y, Z] float32, masked Gaussian of `variance`, or of sqrt(variance) * moving; 0 where
+                           // observations < min_observations
   Vec3 origin;             // corner of voxel (0, 0, 0), scene units
   double voxel_size = 0;   // scene units
 
@@ -37,10 +43,11 @@ struct SurfaceVolume {
 };
 
 // points [T, H, W, 3] float32, ambient [T, H, W, A] float32; points that are not finite are left out. The volume spans
-// the 1st to 99th percentile of the points along each axis and a margin of three voxels.
+// the 1st to 99th percentile of the points along each axis and a margin of three voxels. `moving` [T, H, W] bool:
+// which pixels move; may be undefined.
 // Throws DataError when no point is finite.
 SurfaceVolume BuildSurfaceVolume(const torch::Tensor& points, const torch::Tensor& ambient,
-                                 const SurfaceVolumeOptions& options);
+                                 const SurfaceVolumeOptions& options, const torch::Tensor& moving = {});
 
 // Gaussian of the observed voxels alone: G * (m v) / max(G * m, floor). The floor, a third of what a plane of voxels
 // gives, keeps single floating voxels from standing out. values, mask [X, Y, Z] float32.
