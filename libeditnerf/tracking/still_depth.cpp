@@ -17,10 +17,18 @@ namespace {
 constexpr int64_t kSpacingAt320 = 6;  // pixels between the points that are looked for
 constexpr int64_t kLeastReach = 6, kMostReach = 16;
 constexpr size_t kShortestChain = 3;
+constexpr size_t kShortRest = 4;
+constexpr double kMostMissAtRest = 0.5;
 constexpr double kMostMiss = 0.75;  // pixels at 320 wide
 constexpr double kMostPrecise = 0.005, kLeastPrecise = 0.15;
-constexpr int64_t kWitnesses = 24;        // other frames that are asked about a point
 constexpr double kMostSeenThrough = 0.2;  // of the frames that see the place
+
+// Frames around one, in which a point must stand still. Parts that move rest at times.
+struct Window {
+  int64_t before, after;
+  size_t least;      // frames at least
+  double most_miss;  // pixels at 320 wide
+};
 
 // One row of distances and precisions for every frame; NaN where nothing is known.
 class StillMap {
@@ -30,17 +38,22 @@ class StillMap {
         spacing_(std::max<int64_t>(2, std::llround(kSpacingAt320 * clip.PixelScale()))),
         rows_(clip.height / spacing_),
         columns_(clip.width / spacing_) {
-    const int64_t frames = clip.num_frames(), reach = std::clamp(frames / 10, kLeastReach, kMostReach);
+    const int64_t frames = clip.num_frames();
+    reach_ = std::clamp(frames / 10, kLeastReach, kMostReach);
+    windows_ = {{reach_, reach_, kShortestChain, kMostMiss},  {reach_ / 2, reach_ / 2, kShortRest, kMostMissAtRest},
+                {0, reach_, kShortRest, kMostMissAtRest},     {reach_, 0, kShortRest, kMostMissAtRest},
+                {0, reach_ / 2, kShortRest, kMostMissAtRest}, {reach_ / 2, 0, kShortRest, kMostMissAtRest}};
     const auto cells = static_cast<size_t>(frames * rows_ * columns_);
     distance_.assign(cells, NAN);
     precision_.assign(cells, NAN);
+    window_.assign(cells, nullptr);
     Progress progress("static depth", static_cast<double>(frames));
     std::mutex mutex;
     int64_t done = 0;
     ParallelFor(frames, 1, [&](int64_t begin, int64_t end) {
       for (int64_t t = begin; t < end; ++t) {
         if (InterruptRequested()) Throw<Interrupted>("interrupted while the static depth was triangulated");
-        for (int64_t i = 0; i < rows_ * columns_; ++i) Find(t, i, {near, far}, reach);
+        for (int64_t i = 0; i < rows_ * columns_; ++i) Find(t, i, {near, far});
         const std::lock_guard<std::mutex> lock(mutex);
         progress.Update(static_cast<double>(++done));
       }
@@ -59,9 +72,11 @@ class StillMap {
   // Whether the frames that see the place agree that there is a surface.
   bool Agreed(int64_t t, int64_t cell) const {
     const Vec3 point = clip_.Lift(t, Center(cell), Distance(t, cell));
-    const int64_t frames = clip_.num_frames(), step = std::max<int64_t>(1, frames / kWitnesses);
+    const Window& window = *window_[Index(t, cell)];
+    const int64_t first = std::max<int64_t>(t - window.before, 0);
+    const int64_t last = std::min(t + window.after, clip_.num_frames() - 1);
     int64_t agreed = 0, through = 0;
-    for (int64_t s = t % step; s < frames; s += step) {
+    for (int64_t s = first; s <= last; ++s) {
       if (s == t) continue;
       const Projected projected = Project(clip_.cameras[static_cast<size_t>(s)], point);
       const Pixel at = {projected.u, projected.v};
@@ -84,21 +99,38 @@ class StillMap {
  private:
   size_t Index(int64_t t, int64_t cell) const { return static_cast<size_t>(t * rows_ * columns_ + cell); }
 
-  void Find(int64_t t, int64_t cell, const DepthRange& range, int64_t reach) {
+  void Find(int64_t t, int64_t cell, const DepthRange& range) {
     const Pixel p = Center(cell);
     const Texture texture = TextureAround(clip_.gray[static_cast<size_t>(t)], p);
     if (!texture.Enough()) return;
-    const Chain chain = FollowFlow(clip_, t, p, reach);
-    if (chain.frame.size() < kShortestChain) return;
-    const StillPoint still = FindStillPoint(clip_, t, p, range, chain, texture);
-    if (!(still.miss < kMostMiss * clip_.PixelScale()) || !(still.precision <= kLeastPrecise)) return;
-    distance_[Index(t, cell)] = still.distance;
-    precision_[Index(t, cell)] = still.precision;
+    const Chain chain = FollowFlow(clip_, t, p, reach_);
+    for (const Window& window : windows_) {
+      const Chain part = Within(chain, t, window);
+      if (part.frame.size() < window.least) continue;
+      const StillPoint still = FindStillPoint(clip_, t, p, range, part, texture);
+      if (!(still.miss < window.most_miss * clip_.PixelScale()) || !(still.precision <= kLeastPrecise)) continue;
+      distance_[Index(t, cell)] = still.distance;
+      precision_[Index(t, cell)] = still.precision;
+      window_[Index(t, cell)] = &window;
+      return;
+    }
+  }
+
+  static Chain Within(const Chain& chain, int64_t t, const Window& window) {
+    Chain part;
+    for (size_t i = 0; i < chain.frame.size(); ++i) {
+      if (chain.frame[i] < t - window.before || chain.frame[i] > t + window.after) continue;
+      part.frame.push_back(chain.frame[i]);
+      part.pixel.push_back(chain.pixel[i]);
+    }
+    return part;
   }
 
   const Clip& clip_;
-  int64_t spacing_, rows_, columns_;
+  int64_t spacing_, rows_, columns_, reach_ = 0;
+  std::vector<Window> windows_;
   std::vector<double> distance_, precision_;
+  std::vector<const Window*> window_;
 };
 
 }  // namespace
