@@ -26,7 +26,7 @@ int main(int argc, char** argv) {
         const Scene scene = OpenScene(folder, config.data);
         const PretrainedMaps maps = ReadPretrainedMaps(pretrained, scene);
         const DetectionRun run = RunDetection(scene, maps, config.detect);
-        WriteDetection(scene, maps, run, out.empty() ? folder : out);
+        WriteDetection(scene, run, out.empty() ? folder : out);
         LogInfo("key points: {}", run.detection.count());
       });
 }

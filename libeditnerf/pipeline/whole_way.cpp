@@ -126,7 +126,7 @@ void RunWholeWay(const WholeWayRequest& request) {
   });
   book.Do("detect", [&] {
     const PretrainedMaps maps = ReadPretrainedMaps(work / "pretrained", scene);
-    WriteDetection(scene, maps, RunDetection(scene, maps, config.detect), scene_folder);
+    WriteDetection(scene, RunDetection(scene, maps, config.detect), scene_folder);
   });
   stage.out = work / "run";
   book.Do("train", [&] {

@@ -54,8 +54,7 @@ nlohmann::json Describe(const Scene& scene, const DetectionRun& run) {
 
 }  // namespace
 
-void WriteDetection(const Scene& scene, const PretrainedMaps& maps, const DetectionRun& run,
-                    const std::filesystem::path& folder) {
+void WriteDetection(const Scene& scene, const DetectionRun& run, const std::filesystem::path& folder) {
   MakeFolder(folder / "data");
   MakeFolder(folder / "depth");
   MakeFolder(folder / "flow");
@@ -65,7 +64,7 @@ void WriteDetection(const Scene& scene, const PretrainedMaps& maps, const Detect
   }
   for (size_t t = 0; t < scene.train.size(); ++t) {
     const std::string& id = scene.frames[static_cast<size_t>(scene.train[t])].id;
-    WriteMedianDepth(folder, id, maps.depth[static_cast<int64_t>(t)]);
+    WriteMedianDepth(folder, id, run.depth[static_cast<int64_t>(t)]);
     if (t + 1 < scene.train.size()) WriteFlow(folder, id, run.flows.forward[static_cast<int64_t>(t)]);
   }
   WriteFileAtomically(folder / "data" / "detection.json", Describe(scene, run).dump(2) + "\n");

@@ -3,26 +3,34 @@
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/tracking/clip.h"
+#include "libeditnerf/tracking/still_depth.h"
 #include "libeditnerf/tracking/still_flow.h"
 
 namespace editnerf {
 namespace {
 
-constexpr double kSmallestRange = 0.01;  // scene units
+constexpr int64_t kWidthsPerReach = 160;  // image widths to the pixels around a triangulated one
+constexpr double kSmallestRange = 0.01;   // scene units
 
 }  // namespace
 
-DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& maps, const DetectionConfig& config,
+DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, const DetectionConfig& config,
                           const OpticalFlow& flow) {
-  maps.Check(scene);
+  pretrained.Check(scene);
   DetectionRun run;
   const auto camera = [&](int64_t t) -> const Camera& {
     return scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(t)])].camera;
   };
   run.flows = ComputeFlowSequence(
       scene.images.index_select(0, torch::tensor(scene.train)), flow,
-      [&](int64_t from, int64_t to) { return StillFlow(camera(from), maps.depth[from], camera(to)); });
-  run.detection = DetectKeyPoints(scene, maps, run.flows, flow, config);
+      [&](int64_t from, int64_t to) { return StillFlow(camera(from), pretrained.depth[from], camera(to)); });
+  const KnownDepth known = PutKnownDepth(
+      pretrained.depth,
+      TriangulateStillDepth(MakeClip(scene, pretrained.depth, run.flows), scene.transform.near, scene.transform.far),
+      std::max<int64_t>(1, scene.width() / kWidthsPerReach));
+  PretrainedMaps maps = pretrained;
+  maps.depth = run.depth = known.depth;
+  run.detection = DetectKeyPoints(scene, maps, run.flows, flow, config, known.known);
   if (config.refine && run.detection.count() > 0) {
     run.refined = RefineTracks(MakeClip(scene, maps.depth, run.flows), &run.detection);
   }

@@ -17,10 +17,11 @@ struct DetectionRun {
   Detection detection;                // tracks are the refined ones where config.refine
   std::vector<RefinedTrack> refined;  // N; empty without config.refine
   FlowSequence flows;
+  torch::Tensor depth;  // [T, H, W] float32, the pretrained maps with what triangulation gave in its places
 };
 
 // Flow of the training images, detection, refinement. Notes go to the log; a warning says so when nothing was found.
-DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& maps, const DetectionConfig& config,
+DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, const DetectionConfig& config,
                           const OpticalFlow& flow = DisFlow());
 
 // Local coordinates of EditableNeRF's supplement: q = s k + b with s = 1 / max over axes of (90th - 10th percentile of
@@ -35,7 +36,6 @@ LocalCoordinates ToLocalCoordinates(const torch::Tensor& tracks);  // [T, N, 3],
 // Into `folder` (a scene folder): data/k_points_auto.txt and k_points_auto_coor_I.txt (where there are key points),
 // data/detection.json, data/variance.png, data/motion.png, data/tracks.png, depth/depth_median_ID.npy,
 // flow/flow_ID.npy. Throws DataError naming the file that cannot be written.
-void WriteDetection(const Scene& scene, const PretrainedMaps& maps, const DetectionRun& run,
-                    const std::filesystem::path& folder);
+void WriteDetection(const Scene& scene, const DetectionRun& run, const std::filesystem::path& folder);
 
 }  // namespace editnerf

@@ -40,7 +40,7 @@ TEST_CASE("a detection run refines its tracks and draws its pictures") {
 
   const std::filesystem::path folder = std::filesystem::temp_directory_path() / "editnerf_detection_run_test";
   std::filesystem::remove_all(folder);
-  WriteDetection(clip.scene, clip.maps, run, folder);
+  WriteDetection(clip.scene, run, folder);
   const KeyPointFiles files = ReadKeyPointFiles(folder);
   CHECK(torch::allclose(files.InSceneUnits(), run.detection.tracks.to(torch::kFloat64), 1e-5, 1e-5));
   CHECK(torch::equal(ReadMedianDepth(folder, "3"), clip.maps.depth[3]));
