@@ -28,6 +28,20 @@ sources() {
   git ls-files -- '*.h' '*.cpp' 2>/dev/null || find libeditnerf apps tests benchmarks -name '*.h' -o -name '*.cpp'
 }
 
+# Versions of clang-format disagree about braces in arguments, so one of them decides.
+readonly CLANG_FORMAT_VERSION=14
+
+# The program of that version, if it is here.
+clang_format() {
+  local program
+  for program in "clang-format-$CLANG_FORMAT_VERSION" clang-format; do
+    if "$program" --version 2>/dev/null | grep -q "version $CLANG_FORMAT_VERSION\."; then
+      echo "$program"
+      return
+    fi
+  done
+}
+
 require() {  # PROGRAM...
   local program
   for program in "$@"; do

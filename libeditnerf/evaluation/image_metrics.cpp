@@ -47,7 +47,7 @@ torch::Tensor Planes(const torch::Tensor& image) {
 
 // Gaussian window, valid positions only; separable.
 torch::Tensor Blur(const torch::Tensor& planes) {
-  const auto offset = torch::arange(kWindow, planes.options()) - static_cast<double>(kWindow / 2);
+  const auto offset = torch::arange(-(kWindow / 2), kWindow / 2 + 1, planes.options());
   auto window = torch::exp(offset.square() / (-2 * kSigma * kSigma));
   window = window / window.sum();
   return torch::conv2d(torch::conv2d(planes, window.view({1, 1, 1, kWindow})), window.view({1, 1, kWindow, 1}));

@@ -50,7 +50,7 @@ torch::Tensor UnitChannels(const torch::Tensor& features) {
   return features / (features.square().sum(1, /*keepdim=*/true).sqrt() + 1e-10);
 }
 
-void CopyInto(torch::Tensor target, const std::map<std::string, torch::Tensor>& tensors, const std::string& name,
+void CopyInto(const torch::Tensor& target, const std::map<std::string, torch::Tensor>& tensors, const std::string& name,
               const std::string& prefix, const std::string& where) {
   auto found = tensors.find(name);
   if (found == tensors.end()) found = tensors.find(prefix + name);

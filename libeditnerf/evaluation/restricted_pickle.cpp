@@ -149,7 +149,7 @@ class Machine {
   std::string Line() {
     const size_t end = bytes_.find('\n', cursor_);
     if (end == std::string_view::npos || end - cursor_ > 256) Fail("a global's name without an end");
-    const std::string line(bytes_.substr(cursor_, end - cursor_));
+    std::string line(bytes_.substr(cursor_, end - cursor_));
     cursor_ = end + 1;
     return line;
   }

@@ -1,5 +1,6 @@
 #include "libeditnerf/field/truncated_exp.h"
 
+#include <ATen/ATen.h>
 #include <torch/csrc/autograd/custom_function.h>
 
 namespace editnerf {
@@ -8,7 +9,7 @@ namespace {
 class TruncatedExpFunction : public torch::autograd::Function<TruncatedExpFunction> {
  public:
   static at::Tensor forward(torch::autograd::AutogradContext* context, const at::Tensor& x) {
-    const at::Tensor value = x.clamp(-kMaxLogDensity, kMaxLogDensity).exp();
+    at::Tensor value = x.clamp(-kMaxLogDensity, kMaxLogDensity).exp();
     context->save_for_backward({value});
     return value;
   }

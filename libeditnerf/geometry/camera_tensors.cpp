@@ -5,7 +5,7 @@
 namespace editnerf {
 namespace {
 
-torch::Tensor Stack(const std::vector<double>& values, std::vector<int64_t> shape) {
+torch::Tensor Stack(const std::vector<double>& values, at::IntArrayRef shape) {
   return torch::tensor(values, torch::kFloat64).reshape(shape);
 }
 

@@ -75,7 +75,7 @@ class HeaderParser {
     if (quote != '\'' && quote != '"') Fail();
     const size_t end = text_.find(quote, position_ + 1);
     if (end == std::string::npos) Fail();
-    const std::string value = text_.substr(position_ + 1, end - position_ - 1);
+    std::string value = text_.substr(position_ + 1, end - position_ - 1);
     position_ = end + 1;
     return value;
   }

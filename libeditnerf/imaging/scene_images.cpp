@@ -41,7 +41,7 @@ torch::Tensor FullImage(const fs::path& folder, const std::string& id, const Siz
     const std::string other = factor > 1 ? " (nor " + ImagePath(folder, factor, id).string() + ")" : "";
     Throw<DataError>("{}: no such image{}; dataset.json names it, so it must be there", path.string(), other);
   }
-  const torch::Tensor image = ReadImage(path);
+  torch::Tensor image = ReadImage(path);
   const Size size = SizeOf(image);
   if (!(size == full)) {
     Throw<DataError>("{}: {} x {} pixels, expected {} x {} as the camera files say; all frames must have one size",

@@ -132,7 +132,7 @@ GroundTruth ReadTruth(const fs::path& folder, const std::vector<std::string>& id
   if (fs::is_directory(folder / "gt" / "mask")) {
     truth.mask = ReadStack(folder / "gt", "mask", ids, height, width, torch::kUInt8, [&](const std::string& id) {
       const fs::path path = folder / "gt" / "mask" / (id + ".png");
-      const torch::Tensor mask = ReadMask(path);
+      torch::Tensor mask = ReadMask(path);
       if (mask.max().item<int64_t>() > objects) {
         Throw<DataError>("{}: value {}, expected at most {}, the number of objects in gt/motion.json", path.string(),
                          mask.max().item<int64_t>(), objects);

@@ -215,7 +215,7 @@ struct LayerSums {
 
 at::Tensor Evaluate(const std::vector<at::Tensor>& inputs, const std::vector<Layer>& layers) {
   const int64_t count = inputs.front().size(0);
-  const at::Tensor out = at::empty({count, layers.back().out}, inputs.front().options().requires_grad(false));
+  at::Tensor out = at::empty({count, layers.back().out}, inputs.front().options().requires_grad(false));
   const std::vector<Block> blocks = BlocksOf(inputs);
   float* const values = out.data_ptr<float>();
   ForTiles(count, [&](int64_t begin, int64_t end) {

@@ -79,7 +79,7 @@ Scene SceneFromJson(const std::string& text, const std::string& where) {
       scene.frames.back().camera.Check((where + ": camera " + scene.frames.back().id).c_str());
     }
     const auto split = [&](const char* name) {
-      const auto indices = value.at(name).get<std::vector<int64_t>>();
+      auto indices = value.at(name).get<std::vector<int64_t>>();
       for (const int64_t index : indices) {
         if (index < 0 || index >= static_cast<int64_t>(scene.frames.size())) {
           Throw<DataError>("{}: '{}' names frame {} of {}", where, name, index, scene.frames.size());

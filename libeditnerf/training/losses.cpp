@@ -42,7 +42,7 @@ torch::Tensor ReconstructionLoss(const torch::Tensor& rgb, const torch::Tensor& 
                                  const torch::Tensor& target) {
   CheckShape(rgb, {kAny, 3}, "rgb");
   CheckShape(target, {rgb.size(0), 3}, "target");
-  const auto fine = (rgb - target).square().mean();
+  auto fine = (rgb - target).square().mean();
   if (!rgb_coarse.defined()) return fine;
   CheckShape(rgb_coarse, {rgb.size(0), 3}, "rgb_coarse");
   return fine + (rgb_coarse - target).square().mean();

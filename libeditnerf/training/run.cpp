@@ -70,7 +70,7 @@ void Collect(const torch::nn::Module& module, const std::string& prefix, Tensors
 
 void Restore(const torch::nn::Module& module, const std::string& prefix, const Tensors& tensors, const fs::path& path) {
   const torch::NoGradGuard no_grad;
-  const auto restore = [&](const std::string& key, torch::Tensor target) {
+  const auto restore = [&](const std::string& key, const torch::Tensor& target) {
     const auto found = tensors.find(prefix + key);
     if (found == tensors.end()) Throw<CheckpointError>("{}: tensor '{}' is missing", path.string(), prefix + key);
     if (found->second.sizes() != target.sizes()) {

@@ -51,7 +51,7 @@ class Cursor {
   std::string Name() {
     const size_t end = content_.find('\0', at_);
     if (end == std::string::npos) Throw<DataError>("{}: ends inside a name; the file is truncated", where_);
-    const std::string name = content_.substr(at_, end - at_);
+    std::string name = content_.substr(at_, end - at_);
     at_ = end + 1;
     return name;
   }

@@ -97,8 +97,9 @@ void SampleBackground(const Camera& camera, const float* depth, const uint8_t* m
   for (uint64_t k = 0; k < kPointsPerFrame; ++k) {
     const auto i = static_cast<int64_t>(HashUnit(seed, k, 61) * pixels);
     if (mask[i] != 0 || !std::isfinite(depth[i])) continue;
-    const auto x = static_cast<double>(i % camera.width), y = static_cast<double>(i / camera.width);
-    const Vec3 point = camera.position + camera.DirectionThrough(x + 0.5, y + 0.5) * depth[i];
+    const int64_t column = i % camera.width, row = i / camera.width;
+    const double x = static_cast<double>(column) + 0.5, y = static_cast<double>(row) + 0.5;
+    const Vec3 point = camera.position + camera.DirectionThrough(x, y) * depth[i];
     for (const double value : {point.x, point.y, point.z}) points->push_back(static_cast<float>(value));
   }
 }
