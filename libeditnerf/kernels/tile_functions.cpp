@@ -225,22 +225,31 @@ void AddScaledRowsImpl(const float* factor, const float* rows, int64_t num_rows,
   }
 }
 
-int64_t AppendKeptImpl(const float* keep, const float* from, int64_t first, int64_t num_rows, int64_t at, float* to) {
+int64_t AppendKeptImpl(const float* keep, const float* from, int64_t count, int64_t num_rows, int64_t at, float* to,
+                       float* next) {
   const Tag tag;
   const auto lanes = static_cast<int64_t>(hn::Lanes(tag));
-  int64_t kept = 0;
-  for (int64_t part = 0; part < 16; part += lanes) {
-    const int64_t column = first + part;
-    const auto mask = hn::Gt(Row(keep, 0, column), hn::Zero(tag));
-    const auto count = static_cast<int64_t>(hn::CountTrue(tag, mask));
-    if (count == lanes) {
-      for (int64_t r = 0; r < num_rows; ++r) SetRow(Row(from, r, column), to, r, at + kept);
-    } else if (count > 0) {
-      for (int64_t r = 0; r < num_rows; ++r) SetRow(hn::Compress(Row(from, r, column), mask), to, r, at + kept);
-    }
-    kept += count;
+  int64_t kept[kTile] = {}, total = 0;  // of each vector
+  for (int64_t s = 0; s < count; s += lanes) {
+    kept[s / lanes] = static_cast<int64_t>(hn::CountTrue(tag, hn::Gt(Row(keep, 0, s), hn::Zero(tag))));
+    total += kept[s / lanes];
   }
-  return kept;
+  for (int64_t r = 0; r < num_rows; ++r) {
+    const float* const in = TileRow(from, r);
+    float *const out = TileRow(to, r), *const behind = TileRow(next, r);
+    int64_t column = at;
+    for (int64_t s = 0; s < count; s += lanes) {
+      const int64_t some = kept[s / lanes];
+      Vector values = hn::LoadU(tag, in + s);
+      if (some < lanes) values = hn::Compress(values, hn::Gt(Row(keep, 0, s), hn::Zero(tag)));
+      hn::StoreU(values, tag, column < kTile ? out + column : behind + (column - kTile));
+      if (column < kTile && column + some > kTile) {  // the tile's end has room for a vector
+        hn::StoreU(hn::LoadU(tag, out + kTile), tag, behind);
+      }
+      column += some;
+    }
+  }
+  return total;
 }
 
 void LightAlongRaysImpl(const float* tau, const float* before, int64_t count, float* light, float* weight) {
@@ -385,8 +394,9 @@ void AddScaledRows(const float* factor, const float* rows, int64_t num_rows, int
   HWY_DYNAMIC_DISPATCH(AddScaledRowsImpl)(factor, rows, num_rows, count, sum);
 }
 
-int64_t AppendKept(const float* keep, const float* from, int64_t first, int64_t num_rows, int64_t at, float* to) {
-  return HWY_DYNAMIC_DISPATCH(AppendKeptImpl)(keep, from, first, num_rows, at, to);
+int64_t AppendKept(const float* keep, const float* from, int64_t count, int64_t num_rows, int64_t at, float* to,
+                   float* next) {
+  return HWY_DYNAMIC_DISPATCH(AppendKeptImpl)(keep, from, count, num_rows, at, to, next);
 }
 
 void LightAlongRays(const float* tau, const float* before, int64_t count, float* light, float* weight) {

@@ -9,8 +9,9 @@
 namespace editnerf {
 namespace {
 
-// Of the two factors of a weight gradient the one with fewer rows is transposed, and the product has its other side.
-bool HasTransposedSums(int64_t in, int64_t out) { return out < in; }
+// Of the two factors of a weight gradient the one with fewer rows is transposed, and the product has its other side;
+// but for outputs so few that most of a vector of them would be padding.
+bool HasTransposedSums(int64_t in, int64_t out) { return out < in && 2 * out >= kDensePadding; }
 
 }  // namespace
 
