@@ -1,5 +1,6 @@
 // What one training step costs: trains a synthetic scene for a while, then measures steps of the same state with each
-// way of evaluating the fast field, in processor time, so that other load on the machine matters less.
+// way of evaluating the fast field, in processor time, so that other load on the machine matters less; beside them one
+// picture of 320 x 180 and one update of the occupancy grids.
 //
 //   bench-training-step SCENE STAGE STEPS [THREADS]     e.g. cups train 400 2; STAGE: pretrain or train
 #include <sys/resource.h>
@@ -12,6 +13,7 @@
 #include "libeditnerf/base/clock.h"
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/config/yaml.h"
+#include "libeditnerf/render/image_renderer.h"
 #include "libeditnerf/scene/synthetic/synthetic_scene.h"
 #include "libeditnerf/training/trainer.h"
 
@@ -48,6 +50,24 @@ void Measure(Run run, const Scene& scene, const char* kernel, int64_t steps) {
   std::printf("%-8s %6.2f samples per ray, %8.1f ns of processor per sample, %6.3f M samples/s by the clock\n", kernel,
               count / static_cast<double>(trainer.run().counters.rays - rays), 1e9 * used / count,
               1e-6 * count / seconds);
+
+  const torch::NoGradGuard no_grad;
+  const Run& trained = trainer.run();
+  const FrameStates states = trained.field->States(torch::arange(static_cast<int64_t>(scene.train.size())));
+  const double before_update = ProcessorSeconds();
+  trained.renderer->UpdateOccupancy(*trained.field, states);
+  const double update = ProcessorSeconds() - before_update;
+  const double step = used / static_cast<double>(steps);
+  std::printf("%-8s occupancy update %.1f ms of processor, %.1f %% of a step's when every 16th has one\n", kernel,
+              1e3 * update, 100 * update / 16 / step);
+  Camera camera = scene.frames[static_cast<size_t>(scene.train[0])].camera.Resized(320, 180);
+  const FrameStates one = trained.field->States(torch::zeros({1}, torch::kInt64));
+  const double before_picture = ProcessorSeconds();
+  Stopwatch picture;
+  constexpr int kPictures = 4;
+  for (int i = 0; i < kPictures; ++i) RenderImage(*trained.field, *trained.renderer, camera, one);
+  std::printf("%-8s picture of 320 x 180: %.0f ms of processor, %.0f ms by the clock\n", kernel,
+              1e3 * (ProcessorSeconds() - before_picture) / kPictures, 1e3 * picture.Seconds() / kPictures);
 }
 
 }  // namespace
@@ -80,7 +100,7 @@ int main(int argc, char** argv) {
     for (int64_t i = 0; i < warm; ++i) trainer.Step();
     run.counters = trainer.run().counters;
   }
-  for (const char* kernel : {"auto", "modules", "auto"}) {
+  for (const char* kernel : {"auto", "modules", "auto", "modules"}) {
     config.field.fast.kernel = kernel;
     Run other =
         MakeRun(config, stage, scene, stage == FieldStage::kTrain ? Tracks(scene) : torch::Tensor(), torch::kCPU);

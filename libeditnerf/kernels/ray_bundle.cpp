@@ -11,11 +11,11 @@ namespace {
 
 // Rays that are marched side by side, and samples of each that are asked for at a time: one tile together. Few at a
 // time, as all that a ray is asked for behind its end is in vain.
-constexpr size_t kActive = 32;
-constexpr int64_t kWave = 4;
+constexpr size_t kActive = 42;
+constexpr int64_t kWave = 3;
 static_assert(kActive * kWave <= kTile);
 // Samples from which on a bundle takes no more rays: its tiles are to stay in the second-level cache.
-constexpr int64_t kFull = 640;
+constexpr int64_t kFull = 256;
 
 }  // namespace
 
