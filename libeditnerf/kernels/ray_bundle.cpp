@@ -11,9 +11,11 @@ namespace {
 
 // Rays that are marched side by side, and samples of each that are asked for at a time: one tile together. Few at a
 // time, as all that a ray is asked for behind its end is in vain.
-constexpr size_t kActive = 42;
+constexpr int64_t kActive = 42;
 constexpr int64_t kWave = 3;
 static_assert(kActive * kWave <= kTile);
+// Of rays with many steps fewer are marched at a time: if nothing stops them, this many samples fill a bundle.
+constexpr int64_t kMostSamples = 8192;
 // Samples from which on a bundle takes no more rays: its tiles are to stay in the second-level cache.
 constexpr int64_t kFull = 256;
 
@@ -25,10 +27,12 @@ int64_t RayBundle::Fill(const FieldKernel& field, const BundledRays& rays, bool 
                         int64_t end) {
   const std::vector<RowRange>& kept_rows = for_gradients ? rows_.for_gradients : rows_.for_pictures;
   const double opaque = rays.early_stop > 0 ? -std::log(rays.early_stop) : std::numeric_limits<double>::infinity();
+  const auto most_active =
+      static_cast<size_t>(std::clamp<int64_t>(kMostSamples / std::max<int64_t>(rays.steps.count, 1), 1, kActive));
   rays_.clear();
   num_samples_ = 0;
   for (;;) {
-    while (active_.size() < kActive && num_samples_ < kFull && first < end) {
+    while (active_.size() < most_active && num_samples_ < kFull && first < end) {
       const float* const anchor = rays.local_grid != nullptr ? field.KeyPoints(rays.state[first]) : nullptr;
       Active ray;
       ray.cursor = RayCursor(*rays.grid, rays.local_grid, rays.steps, rays.origin + 3 * first,
