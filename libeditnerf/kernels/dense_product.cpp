@@ -24,9 +24,9 @@ template <DenseResult kResult>
 HWY_INLINE void Finish(const DenseProduct& p, Vector sum, int64_t row, int64_t column) {
   const Tag tag;
   float* const c = p.c + row * p.c_row + column;
-  // In this order a NaN stays one on x86, as in torch::relu.
+  // A NaN stays one, as in torch::relu.
   constexpr bool kRelu = kResult == DenseResult::kBiasRelu || kResult == DenseResult::kRowBiasRelu;
-  if constexpr (kRelu) sum = hn::Max(hn::Zero(tag), sum);
+  if constexpr (kRelu) sum = hn::IfThenZeroElse(hn::Lt(sum, hn::Zero(tag)), sum);
   if constexpr (kResult == DenseResult::kAdd) sum = hn::Add(sum, hn::LoadU(tag, c));
   if constexpr (kResult == DenseResult::kMask) {
     const Vector mask = hn::LoadU(tag, p.mask + row * p.mask_row + column);

@@ -27,9 +27,9 @@ HWY_INLINE Vector Row(const float* rows, int64_t row, int64_t s) { return hn::Lo
 HWY_INLINE void SetRow(Vector v, float* rows, int64_t row, int64_t s) { hn::StoreU(v, Tag(), TileRow(rows, row) + s); }
 HWY_INLINE Vector Broadcast(float x) { return hn::Set(Tag(), x); }
 
-// Bounds that leave a NaN a NaN, so that the step guard sees it: x86 returns the second operand.
-HWY_INLINE Vector AtMost(Vector limit, Vector x) { return hn::Min(limit, x); }
-HWY_INLINE Vector AtLeast(Vector limit, Vector x) { return hn::Max(limit, x); }
+// Bounds that leave a NaN a NaN, so that the step guard sees it; what Min and Max make of one depends on the machine.
+HWY_INLINE Vector AtMost(Vector limit, Vector x) { return hn::IfThenElse(hn::Gt(x, limit), limit, x); }
+HWY_INLINE Vector AtLeast(Vector limit, Vector x) { return hn::IfThenElse(hn::Lt(x, limit), limit, x); }
 
 // Highway's own gives 0 for a NaN. x: finite or NaN.
 HWY_INLINE Vector Exp(Vector x) { return hn::Add(hn::Exp(Tag(), x), hn::Sub(x, x)); }
