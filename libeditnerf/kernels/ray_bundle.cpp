@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "libeditnerf/kernels/tile_functions.h"
+#include "libeditnerf/kernels/tile_layout.h"
 
 namespace editnerf {
 namespace {

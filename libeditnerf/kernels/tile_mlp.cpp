@@ -4,7 +4,7 @@
 
 #include "libeditnerf/kernels/dense_product.h"
 #include "libeditnerf/kernels/tile.h"
-#include "libeditnerf/kernels/tile_functions.h"
+#include "libeditnerf/kernels/tile_layout.h"
 
 namespace editnerf {
 namespace {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "libeditnerf/kernels/tile_layout.h"
 #include "tests/catch.h"
 #include "tests/kernels/each_target.h"
 
