@@ -130,6 +130,7 @@ struct FastFieldConfig {
   int64_t width = 64;
   int64_t geometry_features = 15;  // passed from the density to the colour network
   double density_bias = 0.0;       // added to the pre-activation
+  std::string kernel = "auto";     // how the CPU evaluates it: see kernels/fused_field.h
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -148,6 +149,11 @@ struct FastFieldConfig {
     v("width", width, "neurons per hidden layer", Between(8, 1024));
     v("geometry_features", geometry_features, "features passed from the density to the colour network", Between(1, 64));
     v("density_bias", density_bias, "added to the density pre-activation", Between(-20, 20));
+    v("kernel", kernel,
+      "how the CPU evaluates the field: 'fp32' in one fused pass, 'modules' one LibTorch module after the other, "
+      "'auto' "
+      "the fastest that is as good",
+      OneOf{{"auto", "fp32", "modules"}});
   }
 };
 

@@ -141,7 +141,7 @@ FieldOutput HyperspaceField::EvaluateDensity(const FieldInput& input, const Fram
 
 std::optional<FusedField> HyperspaceField::Fused() const {
   const auto* const fast = dynamic_cast<const FastHyperspace*>(fine_.get());
-  if (fast == nullptr || warp_) return std::nullopt;
+  if (fast == nullptr || warp_ || options_.config.fast.kernel == "modules") return std::nullopt;
   FusedField field;
   fast->AddTo(&field);
   if (slicing_ && !slicing_->AddTo(&field)) return std::nullopt;

@@ -24,9 +24,9 @@ template <DenseResult kResult>
 HWY_INLINE void Finish(const DenseProduct& p, Vector sum, int64_t row, int64_t column) {
   const Tag tag;
   float* const c = p.c + row * p.c_row + column;
-  // In this order a NaN stays one on x86, as in torch::relu.
+  // A NaN stays one, as in torch::relu.
   constexpr bool kRelu = kResult == DenseResult::kBiasRelu || kResult == DenseResult::kRowBiasRelu;
-  if constexpr (kRelu) sum = hn::Max(hn::Zero(tag), sum);
+  if constexpr (kRelu) sum = hn::IfThenZeroElse(hn::Lt(sum, hn::Zero(tag)), sum);
   if constexpr (kResult == DenseResult::kAdd) sum = hn::Add(sum, hn::LoadU(tag, c));
   if constexpr (kResult == DenseResult::kMask) {
     const Vector mask = hn::LoadU(tag, p.mask + row * p.mask_row + column);
@@ -67,7 +67,8 @@ HWY_INLINE void Block(const DenseProduct& p, int64_t row, int64_t column) {
 
 template <int kVectors, DenseResult kResult>
 HWY_INLINE void Rows(const DenseProduct& p, int64_t column) {
-  constexpr int kRows = kAccumulators / kVectors, kFewer = kRows > 6 ? 4 : 2;
+  // One vector wide, sixteen rows divide the usual widths without a rest of narrow blocks.
+  constexpr int kMost = kAccumulators / kVectors, kRows = kMost > 16 ? 16 : kMost, kFewer = kRows > 6 ? 4 : 2;
   int64_t row = 0;
   for (; row + kRows <= p.rows; row += kRows) Block<kRows, kVectors, kResult>(p, row, column);
   for (; row + kFewer <= p.rows; row += kFewer) Block<kFewer, kVectors, kResult>(p, row, column);
@@ -80,6 +81,9 @@ void Multiply(const DenseProduct& p) {
   int64_t column = 0;
   for (; column + kMostVectors * lanes <= p.columns; column += kMostVectors * lanes) {
     Rows<kMostVectors, kResult>(p, column);
+  }
+  if constexpr (kMostVectors > 3) {
+    for (; column + 3 * lanes <= p.columns; column += 3 * lanes) Rows<3, kResult>(p, column);
   }
   for (; column + 2 * lanes <= p.columns; column += 2 * lanes) Rows<2, kResult>(p, column);
   for (; column < p.columns; column += lanes) Rows<1, kResult>(p, column);

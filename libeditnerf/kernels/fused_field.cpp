@@ -103,6 +103,9 @@ FieldRows::FieldRows(const FusedField& field) {
   grad_color = take(3);
   pull = take(1);
   count = next;
+  for_gradients = {{0, harmonics}};
+  for_pictures = {{t, 5}, {ambient, field.ambient_dim}, {density, 1}, {density_out, OutOf(field.density)}};
+  if (weighted) for_pictures.push_back({weights, n});
 }
 
 }  // namespace editnerf

@@ -13,7 +13,6 @@
 
 #include <array>
 #include <cstdint>
-#include <cstring>
 #include <vector>
 
 #include "libeditnerf/kernels/fused_mlp.h"
@@ -69,10 +68,13 @@ bool CanFuse(const FusedField& field);
 // Throws ShapeError unless sizes fit together, states included.
 void CheckFused(const FusedField& field, const FusedStates& states);
 
+struct RowRange {
+  int64_t first, count;
+};
+
 // Rows of a tile, in the order in which they are computed.
 struct FieldRows {
   explicit FieldRows(const FusedField& field);
-  bool operator==(const FieldRows& other) const { return std::memcmp(this, &other, sizeof(*this)) == 0; }
 
   int64_t t, slot;                               // 1 each, of the ray bundle: distance along the ray, and which ray
   int64_t x;                                     // 3, scene units
@@ -92,7 +94,9 @@ struct FieldRows {
   int64_t count;                                 // of all rows
 
   int64_t num_features, ambient_features, canonical_features, local_features;
-  int64_t Kept() const { return harmonics; }  // rows that the density pass fills, and compaction moves
+
+  // What the density pass leaves of each sample for the passes to come.
+  std::vector<RowRange> for_gradients, for_pictures;
 };
 
 }  // namespace editnerf

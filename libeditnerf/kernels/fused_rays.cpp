@@ -15,6 +15,21 @@ namespace {
 constexpr int64_t kPartsPerThread = 4;  // of the rays of a step, to even out their cost
 constexpr int64_t kGrain = 128;         // rays of a picture
 
+// Sizes of everything that workers and parts hold: those of the field's parameters.
+std::vector<int64_t> SizesOf(const FusedField& field) {
+  std::vector<int64_t> sizes = {field.num_key_points,  field.code_dim,       field.appearance_dim, field.use_direction,
+                                field.ambient_octaves, field.weight_octaves, field.slicing_octaves};
+  const auto add = [&](const at::Tensor& tensor) {
+    for (int64_t d = 0; tensor.defined() && d < tensor.dim(); ++d) sizes.push_back(tensor.size(d));
+  };
+  add(field.canonical.table);
+  add(field.local.table);
+  for (const MlpLayers* layers : {&field.density, &field.color, &field.weights, &field.slicing}) {
+    for (const at::Tensor& weight : layers->weights) add(weight);
+  }
+  return sizes;
+}
+
 // Floats of a ray's row in to_states_.
 struct StateRow {
   int64_t keys, code, appearance, size;
@@ -41,29 +56,32 @@ void AddTable(const std::vector<float>& rows, const StateRow& row, int64_t first
 
 // What a thread works with.
 struct FusedRays::Worker {
-  FieldRows rows;
+  std::vector<int64_t> sizes;
   RayBundle bundle;
   RayShading shading;
   TileMemory scratch, to_keys, to_code, to_appearance;
 
   explicit Worker(const FieldKernel& field)
-      : rows(field.rows()),
-        bundle(rows),
+      : sizes(SizesOf(field.field())),
+        bundle(field.rows()),
         scratch(field.scratch_rows()),
         to_keys(3 * field.field().num_key_points),
         to_code(field.field().code_dim),
         to_appearance(field.field().appearance_dim) {}
+  bool Fits(const FieldKernel& field) const { return sizes == SizesOf(field.field()); }
 };
 
 // A share of a step's rays, and what they add to the gradients.
 struct FusedRays::Part {
-  FieldRows rows;
+  std::vector<int64_t> sizes;
   FieldSums sums;
   FeatureGradients features;
   RayLossSums losses;
   int64_t begin = 0, end = 0;
 
-  explicit Part(const FieldKernel& field) : rows(field.rows()), sums(field.MakeSums()), features(rows) {}
+  explicit Part(const FieldKernel& field)
+      : sizes(SizesOf(field.field())), sums(field.MakeSums()), features(field.rows()) {}
+  bool Fits(const FieldKernel& field) const { return sizes == SizesOf(field.field()); }
 };
 
 // A worker that nobody else uses, until this goes.
@@ -77,7 +95,7 @@ class FusedRays::Lease {
         owner_.idle_.pop_back();
       }
     }
-    if (worker_ == nullptr || !(worker_->rows == field.rows())) worker_ = std::make_unique<Worker>(field);
+    if (worker_ == nullptr || !worker_->Fits(field)) worker_ = std::make_unique<Worker>(field);
   }
   ~Lease() {
     const std::lock_guard<std::mutex> lock(owner_.mutex_);
@@ -104,7 +122,7 @@ void FusedRays::TrainPart(const FieldKernel& field, const BundledRays& rays, con
   part.features.Clear();
   part.losses = {};
   for (int64_t next = part.begin; next < part.end;) {
-    next = worker.bundle.Fill(field, rays, next, part.end);
+    next = worker.bundle.Fill(field, rays, /*for_gradients=*/true, next, part.end);
     worker.shading.Train(field, rays, loss, worker.bundle, &part.losses);
     for (int64_t i = 0; i < worker.bundle.num_tiles(); ++i) {
       RayBundle::Tile& tile = worker.bundle.tile(i);
@@ -131,7 +149,7 @@ void FusedRays::TrainPart(const FieldKernel& field, const BundledRays& rays, con
 RayLossSums FusedRays::AddGradients(const FieldKernel& field, const BundledRays& rays, const RayLoss& loss,
                                     FusedStates* states) {
   const auto num_parts = static_cast<size_t>(std::min(rays.count, kPartsPerThread * NumThreads()));
-  if (!parts_.empty() && !(parts_.front()->rows == field.rows())) parts_.clear();
+  if (!parts_.empty() && !parts_.front()->Fits(field)) parts_.clear();
   while (parts_.size() < num_parts) parts_.push_back(std::make_unique<Part>(field));
   to_states_.assign(static_cast<size_t>(rays.count * StateRow(field.field()).size), 0.0F);
   ParallelFor(static_cast<int64_t>(num_parts), 1, [&](int64_t first, int64_t last) {
@@ -169,7 +187,7 @@ int64_t FusedRays::Show(const FieldKernel& field, const BundledRays& rays, const
   ParallelFor(rays.count, kGrain, [&](int64_t begin, int64_t end) {
     Lease lease(*this, field);
     for (int64_t next = begin; next < end;) {
-      next = (*lease).bundle.Fill(field, rays, next, end);
+      next = (*lease).bundle.Fill(field, rays, /*for_gradients=*/false, next, end);
       samples += (*lease).shading.Show(field, rays, picture, (*lease).bundle);
     }
   });

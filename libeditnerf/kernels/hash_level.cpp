@@ -90,28 +90,27 @@ HWY_INLINE void AddToEdge(Pair value, float* features, uint32_t entry, uint32_t 
   features[0] += value[2], features[1] += value[3];
 }
 
+// Both loops over all samples, not vector by vector: what the first stores in parts the second loads whole, and a load
+// so soon after would wait for the stores.
 template <bool kWraps>
 HWY_INLINE void EncodeCells(const Cells& cells, int64_t count, const float* features, uint32_t mask, float* out0,
                             float* out1) {
-  alignas(64) float ends[4 * 16];  // of 16 samples
+  alignas(64) float ends[4 * kHashTile];
   const FloatTag f;
   const auto lanes = static_cast<int64_t>(hn::Lanes(f));
-  for (int64_t first = 0; first < count; first += 16) {
-    for (int64_t i = 0; i < 16; ++i) {
-      const int64_t s = first + i;
-      Pair sum = {};
-      for (int jk = 0; jk < 4; ++jk) {
-        sum += LoadEdge<kWraps>(features, cells.entry[jk][s], mask) * Repeat(cells.weight[jk][s]);
-      }
-      Store(sum, ends + 4 * i);
+  for (int64_t s = 0; s < count; ++s) {
+    Pair sum = {};
+    for (int jk = 0; jk < 4; ++jk) {
+      sum += LoadEdge<kWraps>(features, cells.entry[jk][s], mask) * Repeat(cells.weight[jk][s]);
     }
-    for (int64_t i = 0; i < 16; i += lanes) {
-      hn::Vec<FloatTag> low0, low1, high0, high1;
-      hn::LoadInterleaved4(f, ends + 4 * i, low0, low1, high0, high1);
-      const auto upper = hn::Load(f, cells.fraction[0] + first + i);
-      hn::StoreU(hn::MulAdd(upper, hn::Sub(high0, low0), low0), f, out0 + first + i);
-      hn::StoreU(hn::MulAdd(upper, hn::Sub(high1, low1), low1), f, out1 + first + i);
-    }
+    Store(sum, ends + 4 * s);
+  }
+  for (int64_t s = 0; s < count; s += lanes) {
+    hn::Vec<FloatTag> low0, low1, high0, high1;
+    hn::LoadInterleaved4(f, ends + 4 * s, low0, low1, high0, high1);
+    const auto upper = hn::Load(f, cells.fraction[0] + s);
+    hn::StoreU(hn::MulAdd(upper, hn::Sub(high0, low0), low0), f, out0 + s);
+    hn::StoreU(hn::MulAdd(upper, hn::Sub(high1, low1), low1), f, out1 + s);
   }
 }
 
@@ -120,8 +119,8 @@ void Encode(const HashPoints& points, const HashLevel& where, const float* featu
   Cells cells;
   const HashPoints whole = {(points.count + 15) / 16 * 16, {points.x[0], points.x[1], points.x[2]}};
   FindCells(whole, level, where.resolution, cells);
-  if (cells.wraps) return EncodeCells<true>(cells, points.count, features, level.mask, out0, out1);
-  EncodeCells<false>(cells, points.count, features, level.mask, out0, out1);
+  if (cells.wraps) return EncodeCells<true>(cells, whole.count, features, level.mask, out0, out1);
+  EncodeCells<false>(cells, whole.count, features, level.mask, out0, out1);
 }
 
 template <bool kWraps>
@@ -147,27 +146,52 @@ void Scatter(const HashPoints& points, const HashLevel& where, const float* grad
   ScatterCells<false>(cells, points.count, grad0, grad1, level.mask, grad_features);
 }
 
+// With e_jk the ends of edge jk, both features: the slope along the first axis is that of sum w_jk e_jk between the
+// ends, those along the others are differences of edges, read at the sample's place between the ends.
+template <bool kWraps>
+HWY_INLINE void SlopeOfCells(const Cells& cells, int64_t count, const float* features, uint32_t mask, float resolution,
+                             const float* grad0, const float* grad1, float* const slope[3]) {
+  alignas(64) float across[3][4 * kHashTile];
+  const FloatTag f;
+  const auto lanes = static_cast<int64_t>(hn::Lanes(f));
+  const auto scale = hn::Set(f, resolution);
+  for (int64_t s = 0; s < count; ++s) {
+    Pair ends[4];
+    for (int jk = 0; jk < 4; ++jk) ends[jk] = LoadEdge<kWraps>(features, cells.entry[jk][s], mask);
+    Pair sum = {};
+    for (int jk = 0; jk < 4; ++jk) sum += ends[jk] * Repeat(cells.weight[jk][s]);
+    const Pair y = Repeat(cells.fraction[1][s]), z = Repeat(cells.fraction[2][s]);
+    const Pair low_j = ends[1] - ends[0], high_j = ends[3] - ends[2];
+    const Pair low_k = ends[2] - ends[0], high_k = ends[3] - ends[1];
+    Store(sum, across[0] + 4 * s);
+    Store(low_j + z * (high_j - low_j), across[1] + 4 * s);
+    Store(low_k + y * (high_k - low_k), across[2] + 4 * s);
+  }
+  for (int64_t s = 0; s < count; s += lanes) {
+    const auto g0 = hn::Mul(scale, hn::LoadU(f, grad0 + s)), g1 = hn::Mul(scale, hn::LoadU(f, grad1 + s));
+    const auto upper = hn::Load(f, cells.fraction[0] + s);
+    for (int axis = 0; axis < 3; ++axis) {
+      hn::Vec<FloatTag> low0, low1, high0, high1;
+      hn::LoadInterleaved4(f, across[axis] + 4 * s, low0, low1, high0, high1);
+      auto change0 = hn::Sub(high0, low0), change1 = hn::Sub(high1, low1);
+      if (axis > 0) change0 = hn::MulAdd(upper, change0, low0), change1 = hn::MulAdd(upper, change1, low1);
+      const auto before = hn::LoadU(f, slope[axis] + s);
+      hn::StoreU(hn::MulAdd(g0, change0, hn::MulAdd(g1, change1, before)), f, slope[axis] + s);
+    }
+  }
+}
+
 void Slope(const HashPoints& points, const HashLevel& where, const float* features, const float* grad0,
            const float* grad1, float* const slope[3]) {
   const hash_index::Level level(where.resolution, where.table_size);
   Cells cells;
-  FindCells(points, level, where.resolution, cells);
-  const auto scale = static_cast<float>(where.resolution);
-  for (int64_t s = 0; s < points.count; ++s) {
-    const float g0 = grad0[s], g1 = grad1[s];
-    if (g0 == 0 && g1 == 0) continue;
-    const float x = cells.fraction[0][s], y = cells.fraction[1][s], z = cells.fraction[2][s];
-    float along = 0, edge[4];
-    for (int jk = 0; jk < 4; ++jk) {
-      const Pair ends = LoadEdge<true>(features, cells.entry[jk][s], level.mask);
-      const float low = g0 * ends[0] + g1 * ends[1], high = g0 * ends[2] + g1 * ends[3];
-      along += cells.weight[jk][s] * (high - low);
-      edge[jk] = low + x * (high - low);
-    }
-    slope[0][s] += scale * along;
-    slope[1][s] += scale * ((1 - z) * (edge[1] - edge[0]) + z * (edge[3] - edge[2]));
-    slope[2][s] += scale * ((1 - y) * (edge[2] - edge[0]) + y * (edge[3] - edge[1]));
+  const HashPoints whole = {(points.count + 15) / 16 * 16, {points.x[0], points.x[1], points.x[2]}};
+  FindCells(whole, level, where.resolution, cells);
+  const auto resolution = static_cast<float>(where.resolution);
+  if (cells.wraps) {
+    return SlopeOfCells<true>(cells, whole.count, features, level.mask, resolution, grad0, grad1, slope);
   }
+  SlopeOfCells<false>(cells, whole.count, features, level.mask, resolution, grad0, grad1, slope);
 }
 
 }  // namespace HWY_NAMESPACE

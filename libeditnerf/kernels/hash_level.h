@@ -26,7 +26,7 @@ void EncodeHashLevel(const HashPoints& points, const HashLevel& level, const flo
 void ScatterHashLevel(const HashPoints& points, const HashLevel& level, const float* grad0, const float* grad1,
                       float* grad_features);
 
-// Adds the gradient of the coordinates to slope[axis][s], also where they were clamped.
+// Adds the gradient of the coordinates to slope[axis][s], also where they were clamped; in whole vectors of 16.
 void SlopeHashLevel(const HashPoints& points, const HashLevel& level, const float* features, const float* grad0,
                     const float* grad1, float* const slope[3]);
 

@@ -4,29 +4,35 @@
 #include <cmath>
 #include <limits>
 
-#include "libeditnerf/kernels/tile_functions.h"
+#include "libeditnerf/kernels/tile_layout.h"
 
 namespace editnerf {
 namespace {
 
 // Rays that are marched side by side, and samples of each that are asked for at a time: one tile together. Few at a
 // time, as all that a ray is asked for behind its end is in vain.
-constexpr size_t kActive = 16;
-constexpr int64_t kWave = 4;
+constexpr int64_t kActive = 42;
+constexpr int64_t kWave = 3;
 static_assert(kActive * kWave <= kTile);
+// Of rays with many steps fewer are marched at a time: if nothing stops them, this many samples fill a bundle.
+constexpr int64_t kMostSamples = 8192;
 // Samples from which on a bundle takes no more rays: its tiles are to stay in the second-level cache.
-constexpr int64_t kFull = 384;
+constexpr int64_t kFull = 256;
 
 }  // namespace
 
 RayBundle::RayBundle(const FieldRows& rows) : rows_(rows), wave_(rows.count), keep_(1) { active_.reserve(kActive); }
 
-int64_t RayBundle::Fill(const FieldKernel& field, const BundledRays& rays, int64_t first, int64_t end) {
+int64_t RayBundle::Fill(const FieldKernel& field, const BundledRays& rays, bool for_gradients, int64_t first,
+                        int64_t end) {
+  const std::vector<RowRange>& kept_rows = for_gradients ? rows_.for_gradients : rows_.for_pictures;
   const double opaque = rays.early_stop > 0 ? -std::log(rays.early_stop) : std::numeric_limits<double>::infinity();
+  const auto most_active =
+      static_cast<size_t>(std::clamp<int64_t>(kMostSamples / std::max<int64_t>(rays.steps.count, 1), 1, kActive));
   rays_.clear();
   num_samples_ = 0;
   for (;;) {
-    while (active_.size() < kActive && num_samples_ < kFull && first < end) {
+    while (active_.size() < most_active && num_samples_ < kFull && first < end) {
       const float* const anchor = rays.local_grid != nullptr ? field.KeyPoints(rays.state[first]) : nullptr;
       Active ray;
       ray.cursor = RayCursor(*rays.grid, rays.local_grid, rays.steps, rays.origin + 3 * first,
@@ -40,7 +46,7 @@ int64_t RayBundle::Fill(const FieldKernel& field, const BundledRays& rays, int64
     if (wave_.count > 0) {
       field.Density(wave_.state, wave_.count, wave_.memory);
       StopRays(opaque, rays.delta);
-      KeepSamples();
+      KeepSamples(kept_rows);
     }
     active_.erase(std::remove_if(active_.begin(), active_.end(), [](const Active& ray) { return ray.done; }),
                   active_.end());
@@ -83,21 +89,16 @@ void RayBundle::StopRays(double opaque, float delta) {
   std::fill(keep, keep_.rows() + kTileStride, 0.0F);
 }
 
-void RayBundle::KeepSamples() {
-  const int64_t rows = rows_.Kept();
-  for (int64_t first = 0; first < wave_.count; first += 16) {
-    const auto last = static_cast<size_t>(num_samples_ / kTile);
-    while (tiles_.size() < last + 2) tiles_.push_back(std::make_unique<Tile>(rows_.count));
-    const int64_t at = num_samples_ % kTile;
-    TileMemory& tile = tiles_[last]->memory;
-    const int64_t kept = AppendKept(keep_.rows(), wave_.memory.rows(), first, rows, at, tile.rows());
-    num_samples_ += kept;
-    if (at + kept <= kTile) continue;
-    // What did not fit stands behind the tile's columns.
-    for (int64_t row = 0; row < rows; ++row) {
-      std::copy_n(tile.Row(row) + kTile, kTileStride - kTile, tiles_[last + 1]->memory.Row(row));
-    }
+void RayBundle::KeepSamples(const std::vector<RowRange>& kept_rows) {
+  const auto last = static_cast<size_t>(num_samples_ / kTile);
+  while (tiles_.size() < last + 2) tiles_.push_back(std::make_unique<Tile>(rows_.count));
+  const int64_t at = num_samples_ % kTile;
+  int64_t kept = 0;
+  for (const RowRange& range : kept_rows) {
+    kept = AppendKept(keep_.rows(), wave_.memory.Row(range.first), wave_.count, range.count, at,
+                      tiles_[last]->memory.Row(range.first), tiles_[last + 1]->memory.Row(range.first));
   }
+  num_samples_ += kept;
 }
 
 // By ray; those of each ray were kept in their order.

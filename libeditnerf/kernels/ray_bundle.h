@@ -38,7 +38,8 @@ class RayBundle {
   explicit RayBundle(const FieldRows& rows);
 
   // Forgets what it held and takes rays from number `first` on; returns the first of [first, end) that it did not take.
-  int64_t Fill(const FieldKernel& field, const BundledRays& rays, int64_t first, int64_t end);
+  // Tiles hold what colours and surfaces need, or `for_gradients` everything that the density pass computed.
+  int64_t Fill(const FieldKernel& field, const BundledRays& rays, bool for_gradients, int64_t first, int64_t end);
 
   int64_t num_rays() const { return static_cast<int64_t>(rays_.size()); }
   int64_t Ray(int64_t slot) const { return rays_[static_cast<size_t>(slot)]; }  // number of a ray; they are consecutive
@@ -66,7 +67,7 @@ class RayBundle {
 
   void AskForSamples(const BundledRays& rays);
   void StopRays(double opaque, float delta);
-  void KeepSamples();
+  void KeepSamples(const std::vector<RowRange>& kept_rows);
   void SortSamples();
 
   FieldRows rows_;

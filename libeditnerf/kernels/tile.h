@@ -14,10 +14,10 @@
 
 namespace editnerf {
 
-constexpr int64_t kTile = 64;  // samples; a multiple of every vector
+constexpr int64_t kTile = 128;  // samples; a multiple of every vector
 // Room for one vector behind the samples, where compaction may spill; and an odd number of cache lines, so that the
 // rows of a tile spread over all sets of the cache.
-constexpr int64_t kTileStride = 80;
+constexpr int64_t kTileStride = 144;
 
 // Samples rounded up to whole vectors, whatever their width.
 inline int64_t PaddedSamples(int64_t count) { return (count + 15) / 16 * 16; }

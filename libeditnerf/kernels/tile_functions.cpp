@@ -27,9 +27,9 @@ HWY_INLINE Vector Row(const float* rows, int64_t row, int64_t s) { return hn::Lo
 HWY_INLINE void SetRow(Vector v, float* rows, int64_t row, int64_t s) { hn::StoreU(v, Tag(), TileRow(rows, row) + s); }
 HWY_INLINE Vector Broadcast(float x) { return hn::Set(Tag(), x); }
 
-// Bounds that leave a NaN a NaN, so that the step guard sees it: x86 returns the second operand.
-HWY_INLINE Vector AtMost(Vector limit, Vector x) { return hn::Min(limit, x); }
-HWY_INLINE Vector AtLeast(Vector limit, Vector x) { return hn::Max(limit, x); }
+// Bounds that leave a NaN a NaN, so that the step guard sees it; what Min and Max make of one depends on the machine.
+HWY_INLINE Vector AtMost(Vector limit, Vector x) { return hn::IfThenElse(hn::Gt(x, limit), limit, x); }
+HWY_INLINE Vector AtLeast(Vector limit, Vector x) { return hn::IfThenElse(hn::Lt(x, limit), limit, x); }
 
 // Highway's own gives 0 for a NaN. x: finite or NaN.
 HWY_INLINE Vector Exp(Vector x) { return hn::Add(hn::Exp(Tag(), x), hn::Sub(x, x)); }
@@ -225,24 +225,6 @@ void AddScaledRowsImpl(const float* factor, const float* rows, int64_t num_rows,
   }
 }
 
-int64_t AppendKeptImpl(const float* keep, const float* from, int64_t first, int64_t num_rows, int64_t at, float* to) {
-  const Tag tag;
-  const auto lanes = static_cast<int64_t>(hn::Lanes(tag));
-  int64_t kept = 0;
-  for (int64_t part = 0; part < 16; part += lanes) {
-    const int64_t column = first + part;
-    const auto mask = hn::Gt(Row(keep, 0, column), hn::Zero(tag));
-    const auto count = static_cast<int64_t>(hn::CountTrue(tag, mask));
-    if (count == lanes) {
-      for (int64_t r = 0; r < num_rows; ++r) SetRow(Row(from, r, column), to, r, at + kept);
-    } else if (count > 0) {
-      for (int64_t r = 0; r < num_rows; ++r) SetRow(hn::Compress(Row(from, r, column), mask), to, r, at + kept);
-    }
-    kept += count;
-  }
-  return kept;
-}
-
 void LightAlongRaysImpl(const float* tau, const float* before, int64_t count, float* light, float* weight) {
   const Tag tag;
   ForVectors(count, [&](int64_t s) {
@@ -252,47 +234,6 @@ void LightAlongRaysImpl(const float* tau, const float* before, int64_t count, fl
     hn::StoreU(arriving, tag, light + s);
     hn::StoreU(hn::Mul(arriving, alpha), tag, weight + s);
   });
-}
-
-// Sixteen rows at a time through registers, by the compiler's own vectors: Highway has no shuffle across 128-bit blocks
-// that works for every target.
-using Sixteen = float __attribute__((vector_size(64)));
-
-HWY_INLINE void TransposeBlock(const float* rows, float* out, int64_t out_stride) {
-  Sixteen a[16], b[16];
-  for (int i = 0; i < 16; ++i) __builtin_memcpy(&a[i], TileRow(rows, i), sizeof(Sixteen));
-  // Each stage interleaves row i with row i + 8; four of them rotate the four bits of the row number into the column.
-  for (int stage = 0; stage < 4; ++stage) {
-    for (int i = 0; i < 8; ++i) {
-      b[2 * i] = __builtin_shufflevector(a[i], a[i + 8], 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
-      b[2 * i + 1] =
-          __builtin_shufflevector(a[i], a[i + 8], 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
-    }
-    for (int i = 0; i < 16; ++i) a[i] = b[i];
-  }
-  for (int i = 0; i < 16; ++i) __builtin_memcpy(out + i * out_stride, &a[i], sizeof(Sixteen));
-}
-
-void TransposeRowsImpl(const float* rows, int64_t num_rows, int64_t count, float* out, int64_t out_stride) {
-  for (int64_t s = 0; s < count; s += 16) {
-    for (int64_t r = 0; r < num_rows; r += 16) {
-      TransposeBlock(TileRow(rows, r) + s, out + s * out_stride + r, out_stride);
-    }
-  }
-}
-
-void AddRowSumsImpl(const float* rows, int64_t num_rows, int64_t count, float* sums) {
-  const Tag tag;
-  const auto lanes = static_cast<int64_t>(hn::Lanes(tag));
-  for (int64_t r = 0; r < num_rows; ++r) {
-    const float* const row = TileRow(rows, r);
-    Vector total = hn::Zero(tag);
-    int64_t s = 0;
-    for (; s + lanes <= count; s += lanes) total = hn::Add(total, hn::LoadU(tag, row + s));
-    float sum = hn::GetLane(hn::SumOfLanes(tag, total));
-    for (; s < count; ++s) sum += row[s];
-    sums[r] += sum;
-  }
 }
 
 }  // namespace HWY_NAMESPACE
@@ -317,10 +258,7 @@ HWY_EXPORT(WeightedSumImpl);
 HWY_EXPORT(WeightedSumGradientImpl);
 HWY_EXPORT(AddRowsImpl);
 HWY_EXPORT(AddScaledRowsImpl);
-HWY_EXPORT(AppendKeptImpl);
 HWY_EXPORT(LightAlongRaysImpl);
-HWY_EXPORT(TransposeRowsImpl);
-HWY_EXPORT(AddRowSumsImpl);
 
 void UnitCoordinates(const float* x, const float low[3], float side, int64_t count, float* unit) {
   HWY_DYNAMIC_DISPATCH(UnitCoordinatesImpl)(x, low, side, count, unit);
@@ -385,20 +323,8 @@ void AddScaledRows(const float* factor, const float* rows, int64_t num_rows, int
   HWY_DYNAMIC_DISPATCH(AddScaledRowsImpl)(factor, rows, num_rows, count, sum);
 }
 
-int64_t AppendKept(const float* keep, const float* from, int64_t first, int64_t num_rows, int64_t at, float* to) {
-  return HWY_DYNAMIC_DISPATCH(AppendKeptImpl)(keep, from, first, num_rows, at, to);
-}
-
 void LightAlongRays(const float* tau, const float* before, int64_t count, float* light, float* weight) {
   HWY_DYNAMIC_DISPATCH(LightAlongRaysImpl)(tau, before, count, light, weight);
-}
-
-void TransposeRows(const float* rows, int64_t num_rows, int64_t count, float* out, int64_t out_stride) {
-  HWY_DYNAMIC_DISPATCH(TransposeRowsImpl)(rows, num_rows, count, out, out_stride);
-}
-
-void AddRowSums(const float* rows, int64_t num_rows, int64_t count, float* sums) {
-  HWY_DYNAMIC_DISPATCH(AddRowSumsImpl)(rows, num_rows, count, sums);
 }
 
 }  // namespace editnerf

@@ -56,17 +56,7 @@ void AddRows(const float* a, const float* b, float factor, int64_t num_rows, int
 // sum [num rows] += factor [1 row] * rows.
 void AddScaledRows(const float* factor, const float* rows, int64_t num_rows, int64_t count, float* sum);
 
-// Appends to each of `num_rows` rows of `to`, from column `at` on, the columns of `from` among [first, first + 16)
-// where keep [1 row] is positive, and returns how many. Writes up to 16 columns, so up to 15 beyond those.
-int64_t AppendKept(const float* keep, const float* from, int64_t first, int64_t num_rows, int64_t at, float* to);
-
 // Flat arrays, count rounded up to 16: light[i] = exp(-before[i]), weight[i] = light[i] (1 - exp(-tau[i])).
 void LightAlongRays(const float* tau, const float* before, int64_t count, float* light, float* weight);
-
-// The transpose of rows [num_rows, count] into out[s * out_stride + row]; num_rows and count are rounded up to 16.
-void TransposeRows(const float* rows, int64_t num_rows, int64_t count, float* out, int64_t out_stride);
-
-// sums[row] += sum over the samples, exactly `count` of them.
-void AddRowSums(const float* rows, int64_t num_rows, int64_t count, float* sums);
 
 }  // namespace editnerf

@@ -4,13 +4,14 @@
 
 #include "libeditnerf/kernels/dense_product.h"
 #include "libeditnerf/kernels/tile.h"
-#include "libeditnerf/kernels/tile_functions.h"
+#include "libeditnerf/kernels/tile_layout.h"
 
 namespace editnerf {
 namespace {
 
-// Of the two factors of a weight gradient the one with fewer rows is transposed, and the product has its other side.
-bool HasTransposedSums(int64_t in, int64_t out) { return out < in; }
+// Of the two factors of a weight gradient the one with fewer rows is transposed, and the product has its other side;
+// but for outputs so few that most of a vector of them would be padding.
+bool HasTransposedSums(int64_t in, int64_t out) { return out < in && 2 * out >= kDensePadding; }
 
 }  // namespace
 

@@ -19,7 +19,7 @@ class TileMlpSums {
  private:
   friend class TileMlp;
   struct Layer {
-    std::vector<float> weight;  // [out, PaddedWidth(in)], or [in, PaddedWidth(out)] where out < in
+    std::vector<float> weight;  // [out, PaddedWidth(in)], or [in, PaddedWidth(out)] (HasTransposedSums)
     std::vector<float> bias;    // [out, rounded up]
   };
   std::vector<Layer> layers_;

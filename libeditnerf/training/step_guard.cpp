@@ -4,7 +4,18 @@
 
 #include <cmath>
 
+#include "libeditnerf/kernels/adam_step.h"
+
 namespace editnerf {
+namespace {
+
+torch::Tensor Norm(const torch::Tensor& gradient) {
+  const bool plain = gradient.is_cpu() && gradient.scalar_type() == torch::kFloat32 && gradient.is_contiguous();
+  if (!plain) return gradient.norm().to(torch::kFloat64);
+  return torch::tensor(std::sqrt(SumOfSquares(gradient.data_ptr<float>(), gradient.numel())), torch::kFloat64);
+}
+
+}  // namespace
 
 StepVerdict StepGuard::Check(const NamedTensors& losses, const NamedTensors& parameters) {
   torch::NoGradGuard no_grad;
@@ -17,7 +28,7 @@ StepVerdict StepGuard::Check(const NamedTensors& losses, const NamedTensors& par
   for (const auto& [name, parameter] : parameters) {
     if (!parameter.grad().defined()) continue;
     names.push_back("gradient of " + name);
-    values.push_back(parameter.grad().norm().to(torch::kFloat64));
+    values.push_back(Norm(parameter.grad()));
   }
 
   StepVerdict verdict;

@@ -1,7 +1,6 @@
 // The fused kernels against the modules: a HyperspaceField differentiates the same objective both ways.
 #include "libeditnerf/kernels/fused_field.h"
 
-#include <hwy/targets.h>
 #include <torch/torch.h>
 
 #include <map>
@@ -14,6 +13,7 @@
 #include "libeditnerf/render/ray_renderer.h"
 #include "libeditnerf/training/losses.h"
 #include "tests/catch.h"
+#include "tests/kernels/each_target.h"
 
 using namespace editnerf;
 
@@ -202,19 +202,6 @@ void CheckAgainstModules(const Setting& setting, double tolerance = 1e-5) {
     const double difference = (found.gradients.at(name) - gradient).norm().item<double>();
     CHECK(difference <= std::max(tolerance, 2 * rounding) * size);
   }
-}
-
-// Runs the body once for each instruction set that this machine and this build have.
-template <class Body>
-void ForEachTarget(const Body& body) {
-  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    INFO(hwy::TargetName(target));
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    body();
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 
 }  // namespace
