@@ -34,7 +34,7 @@ TEST_CASE("flow between still images of a moving camera gives the static scene's
   const torch::Tensor moving = spheres.part.index({targets.frame, v, u}) == 0;
   const torch::Tensor on_static = error.masked_select(~moving);
   INFO("median " << on_static.median().item<double>() << ", on the moving part " << moving.sum().item<int64_t>());
-  CHECK(on_static.median().item<double>() < 0.01);
+  CHECK(on_static.median().item<double>() < 0.015);
   CHECK(on_static.quantile(0.9).item<double>() < 0.04);
   const double share = moving.to(torch::kFloat32).mean().item<double>();
   const double visible = (spheres.part == 0).to(torch::kFloat32).mean().item<double>();
