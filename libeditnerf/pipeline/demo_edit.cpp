@@ -19,7 +19,7 @@ constexpr double kFadeShare = 0.15;  // of a sweep, at either end
 
 // Smoothed positions in the order of their places along the first principal component.
 struct Way {
-  torch::Tensor points;       // [T, 3] float64
+  torch::Tensor points;       // [T, D] float64
   std::vector<double> place;  // never decreasing
 
   double begin() const { return place.front(); }
@@ -49,7 +49,7 @@ torch::Tensor Smoothed(const torch::Tensor& rows) {
 Way MakeWay(const torch::Tensor& track) {
   const auto centered = track - track.mean(0);
   // Eigenvectors come with any sign: the one along the largest component is taken.
-  const auto axis = std::get<1>(at::linalg_eigh(centered.t().matmul(centered))).select(1, 2);
+  const auto axis = std::get<1>(at::linalg_eigh(centered.t().matmul(centered))).select(1, -1);
   const auto largest = axis[axis.abs().argmax()];
   const auto place = centered.matmul(largest.item<double>() < 0 ? -axis : axis);
   const auto order = std::get<1>(place.sort(/*stable=*/true, /*dim=*/0, /*descending=*/false));
@@ -73,28 +73,57 @@ std::optional<Vec3> AsPosition(const torch::Tensor& row) {
   return Vec3{row[0].item<double>(), row[1].item<double>(), row[2].item<double>()};
 }
 
+// Key points [T, N, 3] whose ways resemble each other lie on one part, or on parts that move as one: moved one without
+// the other they would show a state that is like none in the clip. Lists of key points, in the order of their first.
+std::vector<std::vector<int64_t>> GroupsOf(const torch::Tensor& tracks) {
+  constexpr double kLeastCorrelation = 0.5;
+  const auto centered = (tracks - tracks.mean(0)).transpose(0, 1).flatten(1);  // [N, 3 T]
+  const auto unit = centered / centered.norm(2, 1, true).clamp_min(1e-12);
+  const auto correlation = unit.matmul(unit.t());
+  std::vector<std::vector<int64_t>> groups;
+  for (int64_t n = 0; n < tracks.size(1); ++n) {
+    const auto own = std::find_if(groups.begin(), groups.end(), [&](const std::vector<int64_t>& group) {
+      return correlation[n][group.front()].item<double>() >= kLeastCorrelation;
+    });
+    if (own != groups.end()) {
+      own->push_back(n);
+    } else {
+      groups.push_back({n});
+    }
+  }
+  return groups;
+}
+
 void AddSweeps(const torch::Tensor& tracks, const EditFrame& resting, int64_t rest_row, int64_t count, EditFile& edit) {
-  const int64_t num_key_points = tracks.size(1);
-  const auto sweep = [&](int64_t n, double phase) {
-    return SweepAlong(tracks.select(1, n), tracks[rest_row][n], count, phase);
+  const std::vector<std::vector<int64_t>> groups = GroupsOf(tracks);
+  const auto sweep = [&](const std::vector<int64_t>& group, double phase) {  // [count, 3 n]
+    const auto own = tracks.index_select(1, torch::tensor(group, torch::kInt64)).flatten(1);
+    return SweepAlong(own, own[rest_row], count, phase);
   };
-  for (int64_t n = 0; n < num_key_points; ++n) {
-    const auto way = sweep(n, 0);
+  const auto put = [&](const std::vector<int64_t>& group, const torch::Tensor& row, EditFrame& frame) {
+    for (size_t k = 0; k < group.size(); ++k) {
+      const auto n = static_cast<size_t>(group[k]);
+      if (frame.key_points.size() <= n) frame.key_points.resize(n + 1);
+      const auto first = static_cast<int64_t>(3 * k);
+      frame.key_points[n] = AsPosition(row.slice(0, first, first + 3));
+    }
+  };
+  for (const auto& group : groups) {
+    const auto way = sweep(group, 0);
     for (int64_t i = 0; i < count; ++i) {
       EditFrame frame = resting;
-      frame.key_points.resize(static_cast<size_t>(n + 1));
-      frame.key_points.back() = AsPosition(way[i]);
+      put(group, way[i], frame);
       edit.frames.push_back(frame);
     }
   }
-  if (num_key_points < 2) return;
+  if (groups.size() < 2) return;
   std::vector<torch::Tensor> ways;
-  for (int64_t n = 0; n < num_key_points; ++n) {
-    ways.push_back(sweep(n, static_cast<double>(n) / static_cast<double>(num_key_points)));
+  for (size_t g = 0; g < groups.size(); ++g) {
+    ways.push_back(sweep(groups[g], static_cast<double>(g) / static_cast<double>(groups.size())));
   }
   for (int64_t i = 0; i < count; ++i) {
     EditFrame frame = resting;
-    for (const auto& way : ways) frame.key_points.push_back(AsPosition(way[i]));
+    for (size_t g = 0; g < groups.size(); ++g) put(groups[g], ways[g][i], frame);
     edit.frames.push_back(frame);
   }
 }
@@ -114,8 +143,8 @@ void AddCameraTour(const Scene& scene, const EditFrame& resting, int64_t count, 
 }  // namespace
 
 torch::Tensor SweepAlong(const torch::Tensor& track, const torch::Tensor& rest, int64_t count, double phase) {
-  CheckShape(track, {kAny, 3}, "key point track");
-  CheckShape(rest, {3}, "resting key point");
+  CheckShape(track, {kAny, kAny}, "key point track");
+  CheckShape(rest, {track.size(1)}, "resting key point");
   if (track.size(0) < 1 || count < 1) {
     Throw<ShapeError>("sweep: expected at least one position and one step, found {} and {}", track.size(0), count);
   }

@@ -10,18 +10,20 @@
 
 namespace editnerf {
 
-// A key point's way: from `rest` there and back along the positions that it visited, in `count` (>= 1) steps.
+// The way of a key point (D = 3), or of several that move as one (D = 3 n): from `rest` there and back along the
+// positions that it visited, in `count` (>= 1) steps.
 //
-// The visited positions track [T, 3], T >= 1, are ordered along their first principal component, smoothed by a moving
-// window (a tenth of T) and run through at the pace of a cosine, starting at the place nearest to `rest` [3] and ahead
+// The visited positions track [T, D], T >= 1, are ordered along their first principal component, smoothed by a moving
+// window (a tenth of T) and run through at the pace of a cosine, starting at the place nearest to `rest` [D] and ahead
 // of it by `phase` (1: a whole round). The first and last steps fade from and to `rest`. All positions are convex
 // combinations of visited ones and `rest`; the same input gives the same way.
 //
-// Returns [count, 3] float64 on the CPU. Throws ShapeError.
+// Returns [count, D] float64 on the CPU. Throws ShapeError.
 torch::Tensor SweepAlong(const torch::Tensor& track, const torch::Tensor& rest, int64_t count, double phase = 0);
 
-// Camera and codes are those of the middle training frame, where all key points rest. Each key point in turn sweeps
-// along its way in `frames_per_sweep` (>= 2) frames; with several, all sweep at once in a last part, out of step. In a
+// Camera and codes are those of the middle training frame, where all key points rest. Each key point in turn,
+// or each group of key points whose ways resemble each other, sweeps along its way in `frames_per_sweep` (>= 2) frames;
+// with several, all sweep at once in a last part, out of step. In a
 // run without key points the camera goes along the training views and back instead. Throws DataError for a pretrained
 // run, ConfigError for too few frames.
 EditFile MakeDemoEdit(const Run& run, int64_t frames_per_sweep = 48);
