@@ -43,7 +43,6 @@ Clip MakeClip(const Scene& scene, const torch::Tensor& depth, const FlowSequence
   Clip clip;
   clip.width = width;
   clip.height = height;
-  clip.guided = flows.guided;
   for (const int64_t index : scene.train) {
     clip.cameras.push_back(scene.frames[static_cast<size_t>(index)].camera);
     clip.images.push_back(scene.images[index].contiguous());
@@ -89,7 +88,6 @@ const torch::Tensor& DirectFlows::Get(int64_t from, int64_t to) {
   if (found != cache_.end()) return found->second;
   if (cache_.size() >= kMaxCachedPairs) cache_.clear();
   const auto a = static_cast<size_t>(from), b = static_cast<size_t>(to);
-  if (!clip_.guided) return cache_[key] = flow_.Flow(clip_.images[a], clip_.images[b]).contiguous();
   const torch::Tensor guess = StillFlow(clip_.cameras[a], clip_.depth[a], clip_.cameras[b]);
   return cache_[key] = flow_.FlowFrom(clip_.images[a], clip_.images[b], guess).contiguous();
 }

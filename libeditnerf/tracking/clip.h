@@ -21,7 +21,6 @@ struct Clip {
   std::vector<torch::Tensor> forward, backward;              // T-1 times [H, W, 2] float32
   std::vector<torch::Tensor> forward_valid, backward_valid;  // T-1 times [H, W] bool
   int64_t width = 0, height = 0;
-  bool guided = false;  // whether flow begins from what cameras and depth explain
 
   int64_t num_frames() const { return static_cast<int64_t>(cameras.size()); }
   double PixelScale() const { return static_cast<double>(width) / 320.0; }  // pixels here per pixel at 320 wide

@@ -1,8 +1,5 @@
 #include "libeditnerf/tracking/detection_run.h"
 
-#include <algorithm>
-#include <vector>
-
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/tracking/clip.h"
@@ -13,10 +10,7 @@ namespace editnerf {
 namespace {
 
 constexpr int64_t kWidthsPerReach = 160;  // image widths to the pixels around a triangulated one
-// The camera's part of the flow from frame to frame, of the image's width, from which flow begins from it. Where it is
-// small the search finds everything by itself, and thin parts do not slip onto the background that the guess follows.
-constexpr double kLargeStep = 0.02;
-constexpr double kSmallestRange = 0.01;  // scene units
+constexpr double kSmallestRange = 0.01;   // scene units
 
 }  // namespace
 
@@ -30,22 +24,15 @@ DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, 
   const auto still = [&](int64_t from, int64_t to) {
     return StillFlow(camera(from), pretrained.depth[from], camera(to));
   };
-  std::vector<double> steps;
-  for (int64_t t = 0; t + 1 < pretrained.depth.size(0); ++t)
-    steps.push_back(still(t, t + 1).norm(2, -1).median().item<double>());
-  std::nth_element(steps.begin(), steps.begin() + static_cast<int64_t>(steps.size() / 2), steps.end());
-  const bool large_steps = steps[steps.size() / 2] > kLargeStep * static_cast<double>(scene.width());
-  run.flows = ComputeFlowSequence(scene.images.index_select(0, torch::tensor(scene.train)), flow,
-                                  large_steps ? FlowGuess(still) : FlowGuess());
-  const KnownDepth known = PutKnownDepth(
+  run.flows = ComputeFlowSequence(scene.images.index_select(0, torch::tensor(scene.train)), flow, still);
+  // For training alone: detection judges depths by what other frames see, which is the field's to say.
+  run.depth = PutKnownDepth(
       pretrained.depth,
       TriangulateStillDepth(MakeClip(scene, pretrained.depth, run.flows), scene.transform.near, scene.transform.far),
       std::max<int64_t>(1, scene.width() / kWidthsPerReach));
-  PretrainedMaps maps = pretrained;
-  maps.depth = run.depth = known.depth;
-  run.detection = DetectKeyPoints(scene, maps, run.flows, flow, config, known.known);
+  run.detection = DetectKeyPoints(scene, pretrained, run.flows, flow, config);
   if (config.refine && run.detection.count() > 0) {
-    run.refined = RefineTracks(MakeClip(scene, maps.depth, run.flows), &run.detection);
+    run.refined = RefineTracks(MakeClip(scene, pretrained.depth, run.flows), &run.detection);
   }
   for (const std::string& note : run.detection.notes) LogInfo("detection: {}", note);
   for (size_t n = 0; n < run.refined.size(); ++n) {

@@ -40,7 +40,6 @@ FlowSequence ComputeFlowSequence(const torch::Tensor& images, const OpticalFlow&
   const int64_t pairs = images.size(0) - 1, height = images.size(1), width = images.size(2);
   if (pairs < 1) Throw<DataError>("optical flow: expected at least two training frames, found {}", images.size(0));
   FlowSequence sequence;
-  sequence.guided = static_cast<bool>(guess);
   sequence.forward = torch::empty({pairs, height, width, 2}, torch::kFloat32);
   sequence.backward = torch::empty({pairs, height, width, 2}, torch::kFloat32);
   sequence.forward_valid = torch::empty({pairs, height, width}, torch::kBool);

@@ -15,7 +15,6 @@ struct FlowSequence {
   torch::Tensor backward;        // [T-1, H, W, 2] float32, from image i + 1 to i
   torch::Tensor forward_valid;   // [T-1, H, W] bool
   torch::Tensor backward_valid;  // [T-1, H, W] bool
-  bool guided = false;           // begun from what cameras and depth explain
 
   int64_t num_frames() const { return forward.size(0) + 1; }
 };

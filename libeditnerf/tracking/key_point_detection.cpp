@@ -37,11 +37,10 @@ size_t At(int64_t i) { return static_cast<size_t>(i); }
 class Detector {
  public:
   Detector(const Scene& scene, const PretrainedMaps& maps, const FlowSequence& flows, const OpticalFlow& flow,
-           const DetectionConfig& config, const torch::Tensor& known)
+           const DetectionConfig& config)
       : clip_(MakeClip(scene, maps.depth, flows)),
         direct_(clip_, flow),
         config_(config),
-        known_(known.defined() ? known.contiguous() : known),
         motion_(MeasureMotion(clip_)) {
     options_.skip_interval = config.skip_interval;
     options_.skip_max_error = config.skip_max_error * clip_.PixelScale();
@@ -190,10 +189,6 @@ class Detector {
     for (int64_t t = 0; t < clip_.num_frames(); ++t) {
       double& distance = kept[At(t)];
       if (!std::isfinite(distance)) continue;
-      if (Triangulated(t, track->pixel[At(t)], distance)) {
-        ++left;
-        continue;
-      }
       if (StaticShare(clip_.Lift(t, track->pixel[At(t)], distance)) > kMostStatic) {
         distance = NAN;
       } else {
@@ -203,14 +198,6 @@ class Detector {
     if (left < kLeastVisibleFrames) return false;
     track->distance = kept;
     return true;
-  }
-
-  // Whether a depth is not the pretrained field's but triangulated.
-  bool Triangulated(int64_t t, const Pixel& p, double distance) const {
-    if (!known_.defined() || !clip_.Inside(p)) return false;
-    const double there = known_.data_ptr<float>()[(t * clip_.height + static_cast<int64_t>(p.v)) * clip_.width +
-                                                  static_cast<int64_t>(p.u)];
-    return std::abs(there - distance) < kSurfaceShare * distance;
   }
 
   // Of the frames that see a surface at the point, the share in which it moves with the static scene.
@@ -304,7 +291,6 @@ class Detector {
   Clip clip_;
   DirectFlows direct_;
   const DetectionConfig& config_;
-  torch::Tensor known_;
   MotionEvidence motion_;
   PropagationOptions options_;
 };
@@ -342,7 +328,7 @@ torch::Tensor CanonicalPoints(const Scene& scene, const PretrainedMaps& maps) {
 }  // namespace
 
 Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const FlowSequence& flows,
-                          const OpticalFlow& flow, const DetectionConfig& config, const torch::Tensor& known) {
+                          const OpticalFlow& flow, const DetectionConfig& config) {
   maps.Check(scene);
   const auto frames = static_cast<int64_t>(scene.train.size());
   Detection detection;
@@ -350,7 +336,7 @@ Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const 
   options.resolution = config.volume_resolution;
   options.min_observations = std::min(config.min_observations, frames);
   options.smoothing = config.smoothing;
-  Detector detector(scene, maps, flows, flow, config, known);
+  Detector detector(scene, maps, flows, flow, config);
   detection.motion = detector.motion();
   detection.volume = BuildSurfaceVolume(CanonicalPoints(scene, maps), maps.ambient, options,
                                         detection.motion.MovingPixels(scene.height(), scene.width()));

@@ -59,9 +59,7 @@ struct Detection {
 // come back in the order of their strength, with a note. No moving part is not an error: count() is then 0 and a note
 // says so. Throws DataError when the maps do not fit the scene or hold no surface, ConfigError when more key points are
 // forced than there are candidates.
-// `known` [T, H, W] float32: distances that triangulation gave (still_depth.h), NaN elsewhere; may be undefined. The
-// maps' depth has them already.
 Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const FlowSequence& flows,
-                          const OpticalFlow& flow, const DetectionConfig& config, const torch::Tensor& known = {});
+                          const OpticalFlow& flow, const DetectionConfig& config);
 
 }  // namespace editnerf

@@ -160,13 +160,12 @@ DepthTargets TriangulateStillDepth(const Clip& clip, double near, double far) {
   return targets;
 }
 
-KnownDepth PutKnownDepth(const torch::Tensor& depth, const DepthTargets& targets, int64_t reach) {
+torch::Tensor PutKnownDepth(const torch::Tensor& depth, const DepthTargets& targets, int64_t reach) {
   CheckShape(depth, {kAny, kAny, kAny}, "depth maps");
-  KnownDepth result;
-  result.known = torch::full_like(depth, NAN, torch::kFloat32).contiguous();
+  torch::Tensor result = depth.to(torch::kFloat32).contiguous().clone();
   const int64_t height = depth.size(1), width = depth.size(2);
-  float* const known = result.known.data_ptr<float>();
-  if (targets.size() == 0) return {depth.to(torch::kFloat32), result.known};
+  float* const distances = result.data_ptr<float>();
+  if (targets.size() == 0) return result;
   const auto frame = targets.frame.accessor<int64_t, 1>();
   const auto pixel = targets.pixel.accessor<int64_t, 2>();
   const auto distance = targets.distance.accessor<float, 1>();
@@ -174,9 +173,8 @@ KnownDepth PutKnownDepth(const torch::Tensor& depth, const DepthTargets& targets
     const int64_t t = frame[i], u = pixel[i][0], v = pixel[i][1];
     for (int64_t y = std::max<int64_t>(v - reach, 0); y <= std::min(v + reach, height - 1); ++y)
       for (int64_t x = std::max<int64_t>(u - reach, 0); x <= std::min(u + reach, width - 1); ++x)
-        known[(t * height + y) * width + x] = distance[i];
+        distances[(t * height + y) * width + x] = distance[i];
   }
-  result.depth = torch::where(result.known.isnan(), depth.to(torch::kFloat32), result.known);
   return result;
 }
 

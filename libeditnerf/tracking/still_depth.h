@@ -14,12 +14,7 @@ namespace editnerf {
 // near and far: scene units, what is looked for. The clip's depth is not read, and may be undefined.
 DepthTargets TriangulateStillDepth(const Clip& clip, double near, double far);
 
-// Depth maps [T, H, W] in which the pixels around every target have its distance, and, for those alone, the same maps
-// with NaN elsewhere. `reach`: pixels to each side.
-struct KnownDepth {
-  torch::Tensor depth;  // [T, H, W] float32
-  torch::Tensor known;  // [T, H, W] float32, NaN where nothing is known
-};
-KnownDepth PutKnownDepth(const torch::Tensor& depth, const DepthTargets& targets, int64_t reach);
+// Depth maps [T, H, W] with every target's distance in the pixels around it, up to `reach` to each side; float32.
+torch::Tensor PutKnownDepth(const torch::Tensor& depth, const DepthTargets& targets, int64_t reach);
 
 }  // namespace editnerf
