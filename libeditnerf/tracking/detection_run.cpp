@@ -25,14 +25,15 @@ DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, 
     return StillFlow(camera(from), pretrained.depth[from], camera(to));
   };
   run.flows = ComputeFlowSequence(scene.images.index_select(0, torch::tensor(scene.train)), flow, still);
-  // For training alone: detection judges depths by what other frames see, which is the field's to say.
   run.depth = PutKnownDepth(
       pretrained.depth,
       TriangulateStillDepth(MakeClip(scene, pretrained.depth, run.flows), scene.transform.near, scene.transform.far),
       std::max<int64_t>(1, scene.width() / kWidthsPerReach));
-  run.detection = DetectKeyPoints(scene, pretrained, run.flows, flow, config);
+  PretrainedMaps maps = pretrained;
+  maps.depth = run.depth;
+  run.detection = DetectKeyPoints(scene, maps, run.flows, flow, config);
   if (config.refine && run.detection.count() > 0) {
-    run.refined = RefineTracks(MakeClip(scene, pretrained.depth, run.flows), &run.detection);
+    run.refined = RefineTracks(MakeClip(scene, run.depth, run.flows), &run.detection);
   }
   for (const std::string& note : run.detection.notes) LogInfo("detection: {}", note);
   for (size_t n = 0; n < run.refined.size(); ++n) {
