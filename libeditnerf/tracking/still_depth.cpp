@@ -15,14 +15,12 @@
 namespace editnerf {
 namespace {
 
-constexpr int64_t kSpacingAt320 = 6;  // pixels between the points that are looked for
-constexpr int64_t kLeastReach = 6, kMostReach = 16;
-constexpr size_t kShortestChain = 3;
-constexpr size_t kShortRest = 4;
-constexpr double kMostMissAtRest = 0.5;
-constexpr double kMostMiss = 0.75;  // pixels at 320 wide
-constexpr double kMostPrecise = 0.005, kLeastPrecise = 0.15;
-constexpr double kMostSeenThrough = 0.2;  // of the frames that see the place
+constexpr int64_t kSpacingAt320 = 6;                          // pixels between the points that are looked for
+constexpr int64_t kLeastReach = 6, kMostReach = 16;           // frames to each side of the longest window
+constexpr size_t kShortestChain = 3, kShortRest = 4;          // frames in the longest window, and in the others
+constexpr double kMostMiss = 0.75, kMostMissAtRest = 0.5;     // pixels at 320 wide, likewise: little time shows little
+constexpr double kMostPrecise = 0.005, kLeastPrecise = 0.15;  // shares of the distance
+constexpr double kMostSeenThrough = 0.2;                      // of the frames that see the place
 
 // Frames around one, in which a point must stand still. Parts that move rest at times.
 struct Window {
