@@ -1,0 +1,28 @@
+// One rigid part among the flow tracks, grown from a pixel: over the frames as structure from motion adds cameras, and
+// over the tracks around that follow the same motion. Where all its tracks have ended it is looked for again by direct
+// flow. At last its distance from the cameras is settled (rigid_part.h) and turns are left out where it needs none.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "libeditnerf/tracking/part_solver.h"
+
+namespace editnerf {
+
+struct PartSeed {
+  int64_t frame = 0;
+  Pixel pixel;
+  double distance = 0;  // scene units; a guess
+};
+
+// Empty where too few tracks around the seed move as one. `taken`: one flag a track, those that belong to other parts.
+// Tracks on which the part was found again are appended to `tracks`, and flags to `taken`.
+std::optional<RigidPart> GrowPart(const Clip& clip, DirectFlows* direct, const PartSeed& seed,
+                                  std::vector<FlowTrack>* tracks, std::vector<bool>* taken,
+                                  const PartSolverOptions& options = {});
+
+// The part at s times the distance from every camera: the images are the same.
+RigidPart ScaledFromCameras(const Clip& clip, const RigidPart& part, double s);
+
+}  // namespace editnerf

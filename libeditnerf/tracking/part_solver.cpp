@@ -1,0 +1,195 @@
+#include "libeditnerf/tracking/part_solver.h"
+
+#include <ceres/ceres.h>
+#include <ceres/rotation.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace editnerf {
+namespace {
+
+constexpr double kRobustScale = 1.5;   // standard deviations
+constexpr double kTotalVariation = 0.3;  // standard deviations from which motion counts by its length
+constexpr double kIndependent = 8;  // pixels that a track counts for at most: its errors go on from frame to frame
+
+size_t At(int64_t t) { return static_cast<size_t>(t); }
+
+struct PixelTerm {
+  const Camera& camera;
+  Pixel pixel;
+  Vec3 center;
+  double weight;
+
+  template <class T>
+  bool operator()(const T* rotation, const T* translation, const T* position, T* residual) const {
+    const T from[3] = {position[0] - T(center.x), position[1] - T(center.y), position[2] - T(center.z)};
+    T point[3], projected[2];
+    ceres::AngleAxisRotatePoint(rotation, from, point);
+    point[0] += T(center.x) + translation[0];
+    point[1] += T(center.y) + translation[1];
+    point[2] += T(center.z) + translation[2];
+    if (!ProjectPoint(camera, point, projected)) return false;
+    residual[0] = T(weight) * (projected[0] - T(pixel.u));
+    residual[1] = T(weight) * (projected[1] - T(pixel.v));
+    return true;
+  }
+};
+
+struct AccelerationTerm {
+  double weight;
+
+  template <class T>
+  bool operator()(const T* before, const T* now, const T* after, T* residual) const {
+    for (int i = 0; i < 3; ++i) residual[i] = T(weight) * (before[i] - T(2) * now[i] + after[i]);
+    return true;
+  }
+};
+
+struct DifferenceTerm {
+  double weight;
+
+  template <class T>
+  bool operator()(const T* a, const T* b, T* residual) const {
+    for (int i = 0; i < 3; ++i) residual[i] = T(weight) * (a[i] - b[i]);
+    return true;
+  }
+};
+
+struct NearTerm {
+  Vec3 target;
+  double weight;
+
+  template <class T>
+  bool operator()(const T* position, T* residual) const {
+    residual[0] = T(weight) * (position[0] - T(target.x));
+    residual[1] = T(weight) * (position[1] - T(target.y));
+    residual[2] = T(weight) * (position[2] - T(target.z));
+    return true;
+  }
+};
+
+class Solver {
+ public:
+  Solver(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options, RigidPart* part)
+      : clip_(clip), tracks_(tracks), options_(options), part_(*part) {
+    distance_ = std::max(1e-6, Norm(part->center - clip.cameras[At(part->reference)].position));
+    per_pixel_ = distance_ / clip.cameras[0].focal_length * clip.PixelScale();
+  }
+
+  int64_t AddPixels(const std::vector<int64_t>& frames) {
+    std::vector<bool> wanted(At(clip_.num_frames()), false);
+    for (const int64_t t : frames) wanted[At(t)] = true;
+    int64_t count = 0;
+    for (PartPoint& point : part_.points) {
+      for (const size_t i : point.tracks) {
+        const FlowTrack& track = tracks_[i];
+        const double share = std::sqrt(std::min(1.0, kIndependent / static_cast<double>(track.pixel.size())));
+        for (int64_t t = track.first; t < track.end(); ++t) {
+          if (!wanted[At(t)]) continue;
+          auto* term = new PixelTerm{clip_.cameras[At(t)], track.At(t), part_.center,
+                                     share / (options_.flow_pixels * clip_.PixelScale())};
+          problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<PixelTerm, 2, 3, 3, 3>(term),
+                                    new ceres::CauchyLoss(kRobustScale * share), Rotation(t), Translation(t),
+                                    point.position.data());
+          ++count;
+        }
+      }
+    }
+    return count;
+  }
+
+  // Between each frame and the one that follows it in the list; over gaps the part has more time to move.
+  void AddSmoothness(const std::vector<int64_t>& frames) {
+    for (size_t i = 0; i + 1 < frames.size(); ++i) {
+      const int64_t a = frames[i], b = frames[i + 1];
+      AddTurn(a, b);
+      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<DifferenceTerm, 3, 3, 3>(
+                                    new DifferenceTerm{1 / (options_.shift_pixels * per_pixel_)}),
+                                new ceres::HuberLoss(kTotalVariation), Translation(a), Translation(b));
+      if (i == 0 || frames[i - 1] != a - 1 || b != a + 1) continue;
+      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<AccelerationTerm, 3, 3, 3, 3>(
+                                    new AccelerationTerm{1 / (options_.acceleration_pixels * per_pixel_)}),
+                                new ceres::HuberLoss(kRobustScale), Translation(a - 1), Translation(a),
+                                Translation(b));
+    }
+  }
+
+  void AddTurn(int64_t a, int64_t b) {
+    problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<DifferenceTerm, 3, 3, 3>(new DifferenceTerm{1 / options_.turn}),
+                              new ceres::HuberLoss(kTotalVariation), Rotation(a), Rotation(b));
+  }
+
+  void AddShape() {
+    for (PartPoint& point : part_.points)
+      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<NearTerm, 3, 3>(
+                                    new NearTerm{part_.center, 1 / (options_.shape * distance_)}),
+                                nullptr, point.position.data());
+  }
+
+  void Hold(double* block) {
+    if (problem_.HasParameterBlock(block)) problem_.SetParameterBlockConstant(block);
+  }
+  void HoldPose(int64_t t) { Hold(Rotation(t)), Hold(Translation(t)); }
+  void HoldTurns(const std::vector<int64_t>& frames) {
+    for (const int64_t t : frames) Hold(Rotation(t));
+  }
+  void HoldPoints() {
+    for (PartPoint& point : part_.points) Hold(point.position.data());
+  }
+
+  bool Run(ceres::LinearSolverType type, int iterations) {
+    ceres::Solver::Options solver;
+    solver.linear_solver_type = type;
+    if (ceres::IsSparseLinearAlgebraLibraryTypeAvailable(ceres::EIGEN_SPARSE))
+      solver.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
+    solver.max_num_iterations = iterations;
+    solver.num_threads = 1;
+    solver.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    ceres::Solve(solver, &problem_, &summary);
+    return summary.IsSolutionUsable();
+  }
+
+  double* Rotation(int64_t t) { return part_.pose[At(t)].rotation.data(); }
+  double* Translation(int64_t t) { return part_.pose[At(t)].translation.data(); }
+
+ private:
+  const Clip& clip_;
+  const std::vector<FlowTrack>& tracks_;
+  const PartSolverOptions& options_;
+  RigidPart& part_;
+  double distance_ = 1, per_pixel_ = 1;
+  ceres::Problem problem_;
+};
+
+}  // namespace
+
+bool SolvePose(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options, int64_t t,
+               int64_t towards, RigidPart* part) {
+  const RigidPose before = part->pose[At(t)];
+  Solver solver(clip, tracks, options, part);
+  if (solver.AddPixels({t}) < 3) return false;
+  solver.AddTurn(t, towards);
+  solver.HoldPose(towards);
+  solver.HoldPoints();
+  if (solver.Run(ceres::DENSE_QR, 30)) return true;
+  part->pose[At(t)] = before;
+  return false;
+}
+
+bool SolvePart(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options,
+               const std::vector<int64_t>& frames, RigidPart* part) {
+  const RigidPart before = *part;
+  Solver solver(clip, tracks, options, part);
+  if (solver.AddPixels(frames) < 3) return false;
+  solver.AddSmoothness(frames);
+  solver.AddShape();
+  solver.HoldPose(part->reference);
+  if (!options.turns) solver.HoldTurns(frames);
+  if (solver.Run(ceres::DENSE_SCHUR, options.iterations)) return true;
+  *part = before;
+  return false;
+}
+
+}  // namespace editnerf

@@ -1,0 +1,26 @@
+#include "libeditnerf/tracking/rigid_part.h"
+
+#include <ceres/rotation.h>
+
+namespace editnerf {
+
+Vec3 RigidPart::Place(int64_t t, const Vec3& position) const {
+  const RigidPose& p = pose[static_cast<size_t>(t)];
+  const double from[3] = {position.x - center.x, position.y - center.y, position.z - center.z};
+  double turned[3];
+  ceres::AngleAxisRotatePoint(p.rotation.data(), from, turned);
+  return {turned[0] + center.x + p.translation[0], turned[1] + center.y + p.translation[1],
+          turned[2] + center.z + p.translation[2]};
+}
+
+Vec3 RigidPart::TakeBack(int64_t t, const Vec3& point) const {
+  const RigidPose& p = pose[static_cast<size_t>(t)];
+  const double back[3] = {-p.rotation[0], -p.rotation[1], -p.rotation[2]};
+  const double from[3] = {point.x - center.x - p.translation[0], point.y - center.y - p.translation[1],
+                          point.z - center.z - p.translation[2]};
+  double turned[3];
+  ceres::AngleAxisRotatePoint(back, from, turned);
+  return {turned[0] + center.x, turned[1] + center.y, turned[2] + center.z};
+}
+
+}  // namespace editnerf

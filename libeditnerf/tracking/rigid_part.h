@@ -1,0 +1,40 @@
+// A part that moves as one rigid body: its way through the frames, and the points on its surface that show it.
+//
+// With the cameras known, flow tracks on a rigid part give its shape and its motion as structure from motion does, up to
+// one number: were the part s times as far from every camera, and s times as large, the images would be the same
+// (the monocular ambiguity; Ozden et al., ICCV 2004, choose s so that the part does not follow the camera).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "libeditnerf/geometry/vec3.h"
+
+namespace editnerf {
+
+struct RigidPose {
+  std::array<double, 3> rotation = {0, 0, 0};     // angle-axis, about the part's centre
+  std::array<double, 3> translation = {0, 0, 0};  // scene units
+};
+
+struct PartPoint {
+  std::vector<size_t> tracks;                  // the flow tracks of this point; several, where it was lost in between
+  std::array<double, 3> position = {0, 0, 0};  // scene units, where it lies in the reference frame
+};
+
+struct RigidPart {
+  int64_t reference = 0;          // frame whose pose is the identity
+  Vec3 center;                    // scene units, in the reference frame
+  std::vector<RigidPose> pose;    // T
+  std::vector<bool> seen;         // T: enough of its points are seen; other poses are those of the nearest seen frame
+  std::vector<PartPoint> points;  // those whose tracks follow the part
+  int64_t observations = 0;       // pixels of those tracks that do
+  bool turns = false;             // whether any pose has a rotation
+
+  // Scene points in frame t of what lies at `position` in the reference frame, and back.
+  Vec3 Place(int64_t t, const Vec3& position) const;
+  Vec3 TakeBack(int64_t t, const Vec3& point) const;
+};
+
+}  // namespace editnerf
