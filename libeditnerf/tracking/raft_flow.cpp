@@ -6,6 +6,7 @@
 #include <array>
 #include <utility>
 
+#include "libeditnerf/base/digest.h"
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"
 
@@ -45,19 +46,9 @@ torch::Tensor Initial(const torch::Tensor& guess, int64_t enlarge) {
   return torch::avg_pool2d(flow, kScale) * (static_cast<double>(enlarge) / kScale);
 }
 
-void CheckImages(const torch::Tensor& from, const torch::Tensor& to) {
-  constexpr int64_t kSmallestSide = 16;
-  CheckShape(from, {kAny, kAny, 3}, "first image");
-  CheckShape(to, {from.size(0), from.size(1), 3}, "second image");
-  if (from.scalar_type() != torch::kUInt8 || to.scalar_type() != torch::kUInt8) {
-    Throw<ShapeError>("optical flow: expected uint8 images, found {} and {}", c10::toString(from.scalar_type()),
-                      c10::toString(to.scalar_type()));
-  }
-  if (std::min(from.size(0), from.size(1)) < kSmallestSide) {
-    Throw<DataError>("optical flow: found images of {} x {} pixels, expected at least {} a side", from.size(1),
-                     from.size(0), kSmallestSide);
-  }
-}
+struct Encoded : OpticalFlow::Prepared {
+  RaftFeatures features;
+};
 
 }  // namespace
 
@@ -66,26 +57,47 @@ RaftFlow::RaftFlow(Raft network, const RaftFlowOptions& options) : network_(std:
   if (options.enlarge < 1) Throw<ConfigError>("RAFT: found enlargement {}, expected at least 1", options.enlarge);
 }
 
+std::string RaftFlow::Name() const {
+  return fmt::format("RAFT ({}), {} iterations{}", network_->shape().convex ? "large" : "small", options_.iterations,
+                     options_.enlarge > 1 ? fmt::format(", images enlarged {} times", options_.enlarge) : "");
+}
+
+std::string RaftFlow::Identity() const {
+  Digest digest;
+  for (const torch::Tensor& parameter : network_->parameters()) digest.Add(parameter);
+  for (const torch::Tensor& buffer : network_->buffers()) digest.Add(buffer);
+  return Name() + ", weights " + digest.Text();
+}
+
 torch::Tensor RaftFlow::Flow(const torch::Tensor& from, const torch::Tensor& to) const {
   return FlowFrom(from, to, torch::Tensor());
 }
 
 torch::Tensor RaftFlow::FlowFrom(const torch::Tensor& from, const torch::Tensor& to, const torch::Tensor& guess) const {
-  const torch::NoGradGuard no_grad;
   CheckImages(from, to);
+  return FlowBetween(*Prepare(from), *Prepare(to), guess);
+}
+
+std::shared_ptr<const OpticalFlow::Prepared> RaftFlow::Prepare(const torch::Tensor& image) const {
+  CheckImages(image, image);
+  const torch::NoGradGuard no_grad;
+  auto encoded = std::make_shared<Encoded>();
+  encoded->image = image;
+  encoded->features = network_->Encode(Input(image, options_.enlarge));
+  return encoded;
+}
+
+torch::Tensor RaftFlow::FlowBetween(const Prepared& from, const Prepared& to, const torch::Tensor& guess) const {
+  const torch::NoGradGuard no_grad;
+  CheckImages(from.image, to.image);
   torch::Tensor initial;
   if (guess.defined()) {
-    CheckGuess(from, guess);
+    CheckGuess(from.image, guess);
     initial = Initial(guess, options_.enlarge);
   }
-  const torch::Tensor both = torch::cat({Input(from, options_.enlarge), Input(to, options_.enlarge)});
-  const RaftFeatures features = network_->Encode(both);
-  const auto part = [&](int64_t i) {
-    const auto row = [i](const torch::Tensor& x) { return x.slice(0, i, i + 1); };
-    return RaftFeatures{row(features.features), row(features.state), row(features.context)};
-  };
-  torch::Tensor flow = network_->Flow(part(0), part(1), options_.iterations, initial);
-  const int64_t height = options_.enlarge * from.size(0), width = options_.enlarge * from.size(1);
+  torch::Tensor flow = network_->Flow(dynamic_cast<const Encoded&>(from).features,
+                                      dynamic_cast<const Encoded&>(to).features, options_.iterations, initial);
+  const int64_t height = options_.enlarge * from.image.size(0), width = options_.enlarge * from.image.size(1);
   const auto margins = Margins(height, width);
   flow = flow.slice(2, margins[2], margins[2] + height).slice(3, margins[0], margins[0] + width);
   if (options_.enlarge > 1) flow = torch::avg_pool2d(flow.contiguous(), options_.enlarge) / options_.enlarge;

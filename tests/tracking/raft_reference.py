@@ -8,13 +8,12 @@ import pathlib
 import re
 
 import torch
-
 from torchvision.models.optical_flow import raft_large, raft_small
 
 HEIGHT, WIDTH, ITERATIONS = 128, 136, 4
 PIXELS = [(3, 5), (64, 68), (100, 20), (40, 130), (127, 135)]
 
-# torchvision's names to the authors', for the seeds.
+# torchvision's names to those of raft/network.h, for the seeds.
 RENAMES = [
     (r"^feature_encoder", "fnet"), (r"^context_encoder", "cnet"), (r"net\.conv\.", "net.conv2."),
     (r"convnormrelu\.0", "conv1"), (r"convnormrelu\.1", "norm1"), (r"convnormrelu(\d)\.0", r"conv\1"),
@@ -25,7 +24,7 @@ RENAMES = [
 ]
 
 
-def authors_name(name):
+def network_name(name):
     for pattern, text in RENAMES:
         name = re.sub(pattern, text, name)
     return name
@@ -61,7 +60,7 @@ def main():
         for name, tensor in state.items():
             lines.append(" ".join([title, name] + [str(n) for n in tensor.shape]))
             if not name.endswith("num_batches_tracked"):
-                state[name] = made_up(authors_name(name), tuple(tensor.shape))
+                state[name] = made_up(network_name(name), tuple(tensor.shape))
         network.load_state_dict(state)
         with torch.no_grad():
             flow = network(image(0), image(1), num_flow_updates=ITERATIONS)[-1][0]

@@ -41,6 +41,8 @@ class RaftImpl : public torch::nn::Module {
     return Flow(Encode(from), Encode(to), iterations);
   }
 
+  const RaftShape& shape() const { return shape_; }
+
  private:
   RaftShape shape_;
   RaftEncoder feature_encoder_ = nullptr, context_encoder_ = nullptr;  // "fnet", "cnet"
