@@ -73,7 +73,8 @@ TrueFlow ComputeTrueFlow(const Scene& scene, int64_t from, int64_t to) {
   float* flow = truth.flow.data_ptr<float>();
   for (int64_t i = 0; i < here.height * here.width; ++i) {
     if (!std::isfinite(here.depth[i])) continue;
-    const double u = static_cast<double>(i % here.width) + 0.5, v = static_cast<double>(i / here.width) + 0.5;
+    const int64_t row = i / here.width, column = i % here.width;
+    const double u = static_cast<double>(column) + 0.5, v = static_cast<double>(row) + 0.5;
     const int64_t object = static_cast<int64_t>(here.mask[i]) - 1;
     Vec3 point = first.position + first.DirectionThrough(u, v) * here.depth[i];
     if (object >= 0) {
