@@ -4,6 +4,8 @@
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/pipeline/stages.h"
 #include "libeditnerf/tracking/detection_run.h"
+#include "libeditnerf/tracking/flow_cache.h"
+#include "libeditnerf/tracking/flow_choice.h"
 #include "support/run.h"
 
 int main(int argc, char** argv) {
@@ -25,7 +27,8 @@ int main(int argc, char** argv) {
         if (count_flag->count() > 0) config.detect.count = count;
         const Scene scene = OpenScene(folder, config.data);
         const PretrainedMaps maps = ReadPretrainedMaps(pretrained, scene);
-        const DetectionRun run = RunDetection(scene, maps, config.detect);
+        const DetectionRun run =
+            RunDetection(scene, maps, config.detect, *MakeOpticalFlow(config.flow), FlowCachePath(pretrained));
         WriteDetection(scene, run, out.empty() ? folder : out);
         LogInfo("key points: {}", run.detection.count());
       });

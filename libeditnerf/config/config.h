@@ -101,6 +101,28 @@ struct StageConfig {
   }
 };
 
+// Optical flow between the training images, for detection and for depth from flow.
+struct FlowConfig {
+  std::string method = "auto";
+  std::string weights;      // file; empty: none
+  int64_t iterations = 12;  // of RAFT
+  int64_t enlarge = 2;      // times, before RAFT
+  bool refine = true;       // DIS from RAFT's flow
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("method", method,
+      "'dis' is dense inverse search; 'raft' is RAFT, which takes weights; 'auto' is RAFT where weights are given",
+      OneOf{{"auto", "dis", "raft"}});
+    v("weights", weights,
+      "file of RAFT's published weights, small or large: the authors' .pth, torchvision's .pth, or safetensors");
+    v("iterations", iterations, "updates of RAFT", Between(1, 100));
+    v("enlarge", enlarge, "whole factor by which images are enlarged for RAFT, which sees an eighth of their size",
+      Between(1, 8));
+    v("refine", refine, "let dense inverse search begin from RAFT's flow, for fractions of a pixel");
+  }
+};
+
 // Key point detection and propagation (section 3.3 of the paper).
 struct DetectionConfig {
   int64_t count = 0;  // number of key points; 0: as many as are found
@@ -141,6 +163,7 @@ struct Config {
   RenderConfig render;
   StageConfig pretrain;
   StageConfig train;
+  FlowConfig flow;
   DetectionConfig detect;
 
   template <class Visitor>
@@ -150,6 +173,7 @@ struct Config {
     v("render", render, "samples along rays");
     v("pretrain", pretrain, "the HyperNeRF stage");
     v("train", train, "the key point stage");
+    v("flow", flow, "optical flow between training images");
     v("detect", detect, "key point detection");
   }
 };

@@ -42,6 +42,11 @@ Found BadSchedule(const StageConfig& stage, const std::string& path) {
                                      stage.final_learning_rate, stage.learning_rate)};
 }
 
+Found MissingWeights(const FlowConfig& flow) {
+  if (flow.method != "raft" || !flow.weights.empty()) return std::nullopt;
+  return ConfigViolation{"flow.method", "flow.method is raft, which takes a file in flow.weights"};
+}
+
 }  // namespace
 
 std::optional<ConfigViolation> FindViolation(const Config& config) {
@@ -55,6 +60,7 @@ std::optional<ConfigViolation> FindViolation(const Config& config) {
   if (Found found = BadResolutions(field.fast.local_hash, "field.fast.local_hash")) return found;
   if (Found found = BadSchedule(config.pretrain, "pretrain")) return found;
   if (Found found = BadSchedule(config.train, "train")) return found;
+  if (Found found = MissingWeights(config.flow)) return found;
   return std::nullopt;
 }
 

@@ -6,8 +6,8 @@
 #include <array>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/base/pth_archive.h"
 #include "libeditnerf/base/shape.h"
-#include "libeditnerf/evaluation/pth_archive.h"
 
 namespace editnerf {
 namespace {

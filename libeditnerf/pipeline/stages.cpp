@@ -15,6 +15,8 @@
 #include "libeditnerf/render/image_renderer.h"
 #include "libeditnerf/scene/packed_scene.h"
 #include "libeditnerf/tracking/clip.h"
+#include "libeditnerf/tracking/flow_cache.h"
+#include "libeditnerf/tracking/flow_choice.h"
 #include "libeditnerf/tracking/still_depth.h"
 #include "libeditnerf/training/trainer.h"
 
@@ -94,14 +96,16 @@ void LogDepthTargetErrors(const Scene& scene, const DepthTargets& targets) {
 }
 
 // What optical flow between the training images says of the static scene's depth.
-DepthTargets StillDepthOf(const Scene& scene) {
-  const FlowSequence flows =
-      ComputeFlowSequence(scene.images.index_select(0, torch::tensor(scene.train, torch::kInt64)), DisFlow());
+// A flow that detection can use too is kept in the run folder.
+DepthTargets StillDepthOf(const Scene& scene, const OpticalFlow& flow, const fs::path& run_folder) {
+  const torch::Tensor images = scene.images.index_select(0, torch::tensor(scene.train, torch::kInt64));
+  const FlowSequence flows = flow.GainsFromGuess() ? ComputeFlowSequence(images, flow)
+                                                   : CachedFlowSequence(images, flow, FlowCachePath(run_folder));
   const torch::Tensor no_depth = torch::full({1}, std::numeric_limits<float>::quiet_NaN())
                                      .expand({static_cast<int64_t>(scene.train.size()), scene.height(), scene.width()});
   const Clip clip = MakeClip(scene, no_depth, flows);
   const DepthTargets targets = TriangulateStillDepth(clip, scene.transform.near, scene.transform.far);
-  LogInfo("static depth: {} places known, {:.0f} in each frame", targets.size(),
+  LogInfo("static depth by {}: {} places known, {:.0f} in each frame", flow.Name(), targets.size(),
           static_cast<double>(targets.size()) / static_cast<double>(scene.train.size()));
   if (scene.truth) LogDepthTargetErrors(scene, targets);
   return targets;
@@ -171,7 +175,9 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
 
 void RunPretraining(const Scene& scene, const StageRequest& request) {
   DepthTargets depth;
-  if (request.config.pretrain.lambda_depth > 0) depth = StillDepthOf(scene);
+  if (request.config.pretrain.lambda_depth > 0) {
+    depth = StillDepthOf(scene, *MakeOpticalFlow(request.config.flow), request.out);
+  }
   Run run = TrainStage(scene, request, FieldStage::kPretrain, torch::Tensor(), std::nullopt, depth);
   const PretrainedMaps maps = RenderSurfaceMaps(run, scene);
   WritePretrainedMaps(maps, scene, request.out);

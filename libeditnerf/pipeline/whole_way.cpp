@@ -14,6 +14,8 @@
 #include "libeditnerf/pipeline/stages.h"
 #include "libeditnerf/poses/solve_poses.h"
 #include "libeditnerf/tracking/detection_run.h"
+#include "libeditnerf/tracking/flow_cache.h"
+#include "libeditnerf/tracking/flow_choice.h"
 
 namespace editnerf {
 namespace {
@@ -126,7 +128,10 @@ void RunWholeWay(const WholeWayRequest& request) {
   });
   book.Do("detect", [&] {
     const PretrainedMaps maps = ReadPretrainedMaps(work / "pretrained", scene);
-    WriteDetection(scene, RunDetection(scene, maps, config.detect), scene_folder);
+    WriteDetection(
+        scene,
+        RunDetection(scene, maps, config.detect, *MakeOpticalFlow(config.flow), FlowCachePath(work / "pretrained")),
+        scene_folder);
   });
   stage.out = work / "run";
   book.Do("train", [&] {

@@ -8,7 +8,7 @@
 namespace editnerf {
 namespace {
 
-constexpr size_t kMaxCachedPairs = 64;
+constexpr int64_t kCachedBytes = int64_t{256} << 20;  // of flow; the same pairs are asked for by many candidates
 
 float Bilinear(const float* values, int64_t width, double u, double v) {
   const double x = u - 0.5, y = v - 0.5;
@@ -86,7 +86,8 @@ const torch::Tensor& DirectFlows::Get(int64_t from, int64_t to) {
   const auto key = std::make_pair(from, to);
   const auto found = cache_.find(key);
   if (found != cache_.end()) return found->second;
-  if (cache_.size() >= kMaxCachedPairs) cache_.clear();
+  const int64_t bytes = clip_.height * clip_.width * 2 * static_cast<int64_t>(sizeof(float));
+  if (static_cast<int64_t>(cache_.size() + 1) * bytes > kCachedBytes) cache_.clear();
   const auto a = static_cast<size_t>(from), b = static_cast<size_t>(to);
   const torch::Tensor guess = StillFlow(clip_.cameras[a], clip_.depth[a], clip_.cameras[b]);
   return cache_[key] = flow_.FlowFrom(clip_.images[a], clip_.images[b], guess).contiguous();

@@ -42,7 +42,7 @@ Clip MakeClip(const Scene& scene, const torch::Tensor& depth, const FlowSequence
 double PatchSimilarity(const torch::Tensor& gray_a, const Pixel& a, const torch::Tensor& gray_b, const Pixel& b,
                        int64_t radius);
 
-// Flow between distant frames, computed when asked for; the last few pairs are kept. Not thread-safe.
+// Flow between distant frames, computed when asked for and kept, as far as memory is meant for it. Not thread-safe.
 class DirectFlows {
  public:
   DirectFlows(const Clip& clip, const OpticalFlow& flow) : clip_(clip), flow_(flow) {}

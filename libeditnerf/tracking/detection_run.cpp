@@ -3,6 +3,7 @@
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/tracking/clip.h"
+#include "libeditnerf/tracking/flow_cache.h"
 #include "libeditnerf/tracking/still_depth.h"
 #include "libeditnerf/tracking/still_flow.h"
 
@@ -12,19 +13,28 @@ namespace {
 constexpr int64_t kWidthsPerReach = 160;  // image widths to the pixels around a triangulated one
 constexpr double kSmallestRange = 0.01;   // scene units
 
-}  // namespace
-
-DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, const DetectionConfig& config,
-                          const OpticalFlow& flow) {
-  pretrained.Check(scene);
-  DetectionRun run;
+FlowSequence FlowsOf(const Scene& scene, const PretrainedMaps& pretrained, const OpticalFlow& flow,
+                     const std::filesystem::path& flow_cache) {
+  const torch::Tensor images = scene.images.index_select(0, torch::tensor(scene.train));
+  if (!flow.GainsFromGuess()) {
+    return flow_cache.empty() ? ComputeFlowSequence(images, flow)
+                              : CachedFlowSequence(images, flow, flow_cache, /*keep=*/false);
+  }
   const auto camera = [&](int64_t t) -> const Camera& {
     return scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(t)])].camera;
   };
-  const auto still = [&](int64_t from, int64_t to) {
+  return ComputeFlowSequence(images, flow, [&](int64_t from, int64_t to) {
     return StillFlow(camera(from), pretrained.depth[from], camera(to));
-  };
-  run.flows = ComputeFlowSequence(scene.images.index_select(0, torch::tensor(scene.train)), flow, still);
+  });
+}
+
+}  // namespace
+
+DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, const DetectionConfig& config,
+                          const OpticalFlow& flow, const std::filesystem::path& flow_cache) {
+  pretrained.Check(scene);
+  DetectionRun run;
+  run.flows = FlowsOf(scene, pretrained, flow, flow_cache);
   run.depth = PutKnownDepth(
       pretrained.depth,
       TriangulateStillDepth(MakeClip(scene, pretrained.depth, run.flows), scene.transform.near, scene.transform.far),
@@ -35,6 +45,7 @@ DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, 
   if (config.refine && run.detection.count() > 0) {
     run.refined = RefineTracks(MakeClip(scene, run.depth, run.flows), &run.detection);
   }
+  run.detection.notes.insert(run.detection.notes.begin(), "optical flow: " + flow.Name());
   for (const std::string& note : run.detection.notes) LogInfo("detection: {}", note);
   for (size_t n = 0; n < run.refined.size(); ++n) {
     const TrackResiduals &before = run.refined[n].before, &after = run.refined[n].after;

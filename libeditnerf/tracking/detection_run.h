@@ -20,9 +20,13 @@ struct DetectionRun {
   torch::Tensor depth;  // [T, H, W] float32, the pretrained maps with what triangulation gave in its places
 };
 
-// Flow of the training images, detection, refinement. Notes go to the log; a warning says so when nothing was found.
+// Flow of the training images, detection, refinement. Notes, of which the first names the flow, go to the log; a
+// warning says so when nothing was found.
+//
+// A flow that gains from a guess begins from what cameras and the pretrained depth explain (still_flow.h). Another
+// one's is that of the images alone, and is read from `flow_cache` (flow_cache.h), where given and there.
 DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, const DetectionConfig& config,
-                          const OpticalFlow& flow = DisFlow());
+                          const OpticalFlow& flow = DisFlow(), const std::filesystem::path& flow_cache = {});
 
 // Local coordinates of EditableNeRF's supplement: q = s k + b with s = 1 / max over axes of (90th - 10th percentile of
 // the track), b = -mean of the scaled track. A range under 0.01 scene units counts as that much, with a warning.

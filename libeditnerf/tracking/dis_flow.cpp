@@ -3,8 +3,6 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
-#include "libeditnerf/base/error.h"
-#include "libeditnerf/base/shape.h"
 #include "libeditnerf/tracking/optical_flow.h"
 
 namespace editnerf {
@@ -34,8 +32,6 @@ class OneOpenCvThread {
   static inline int before_ = 1;
 };
 
-constexpr int64_t kSmallestSide = 16;
-
 cv::Mat Gray(const torch::Tensor& image) {
   const torch::Tensor contiguous = image.contiguous();
   const cv::Mat color(static_cast<int>(image.size(0)), static_cast<int>(image.size(1)), CV_8UC3,
@@ -47,10 +43,6 @@ cv::Mat Gray(const torch::Tensor& image) {
 
 }  // namespace
 
-void OpticalFlow::CheckGuess(const torch::Tensor& from, const torch::Tensor& guess) {
-  CheckShape(guess, {from.size(0), from.size(1), 2}, "guessed flow");
-}
-
 torch::Tensor DisFlow::Flow(const torch::Tensor& from, const torch::Tensor& to) const { return Search(from, to, {}); }
 
 torch::Tensor DisFlow::FlowFrom(const torch::Tensor& from, const torch::Tensor& to, const torch::Tensor& guess) const {
@@ -60,16 +52,7 @@ torch::Tensor DisFlow::FlowFrom(const torch::Tensor& from, const torch::Tensor& 
 }
 
 torch::Tensor DisFlow::Search(const torch::Tensor& from, const torch::Tensor& to, const torch::Tensor& guess) {
-  CheckShape(from, {kAny, kAny, 3}, "first image");
-  CheckShape(to, {from.size(0), from.size(1), 3}, "second image");
-  if (from.scalar_type() != torch::kUInt8 || to.scalar_type() != torch::kUInt8) {
-    Throw<ShapeError>("optical flow: expected uint8 images, found {} and {}", c10::toString(from.scalar_type()),
-                      c10::toString(to.scalar_type()));
-  }
-  if (from.size(0) < kSmallestSide || from.size(1) < kSmallestSide) {
-    Throw<DataError>("optical flow: found images of {} x {} pixels, expected at least {} a side", from.size(1),
-                     from.size(0), kSmallestSide);
-  }
+  CheckImages(from, to);
   const OneOpenCvThread guard;
   const cv::Ptr<cv::DISOpticalFlow> dis = cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
   dis->setFinestScale(0);

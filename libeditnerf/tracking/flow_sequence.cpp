@@ -1,7 +1,10 @@
 #include "libeditnerf/tracking/flow_sequence.h"
 
+#include <algorithm>
 #include <cmath>
+#include <memory>
 #include <mutex>
+#include <vector>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/interrupt.h"
@@ -11,6 +14,11 @@
 #include "libeditnerf/tracking/map_lookup.h"
 
 namespace editnerf {
+namespace {
+
+constexpr int64_t kPairsPerBlock = 16;
+
+}  // namespace
 
 torch::Tensor ForwardBackwardValid(const torch::Tensor& flow, const torch::Tensor& opposite) {
   CheckShape(flow, {kAny, kAny, 2}, "flow");
@@ -35,6 +43,18 @@ torch::Tensor ForwardBackwardValid(const torch::Tensor& flow, const torch::Tenso
   return valid;
 }
 
+void Validate(FlowSequence* sequence) {
+  const torch::Tensor &forward = sequence->forward, &backward = sequence->backward;
+  CheckShape(forward, {kAny, kAny, kAny, 2}, "forward flow");
+  CheckShape(backward, {forward.size(0), forward.size(1), forward.size(2), 2}, "backward flow");
+  sequence->forward_valid = torch::empty({forward.size(0), forward.size(1), forward.size(2)}, torch::kBool);
+  sequence->backward_valid = torch::empty_like(sequence->forward_valid);
+  ParallelParts(forward.size(0), [&](int64_t i) {
+    sequence->forward_valid[i].copy_(ForwardBackwardValid(forward[i], backward[i]));
+    sequence->backward_valid[i].copy_(ForwardBackwardValid(backward[i], forward[i]));
+  });
+}
+
 FlowSequence ComputeFlowSequence(const torch::Tensor& images, const OpticalFlow& flow, const FlowGuess& guess) {
   CheckShape(images, {kAny, kAny, kAny, 3}, "images");
   const int64_t pairs = images.size(0) - 1, height = images.size(1), width = images.size(2);
@@ -42,27 +62,33 @@ FlowSequence ComputeFlowSequence(const torch::Tensor& images, const OpticalFlow&
   FlowSequence sequence;
   sequence.forward = torch::empty({pairs, height, width, 2}, torch::kFloat32);
   sequence.backward = torch::empty({pairs, height, width, 2}, torch::kFloat32);
-  sequence.forward_valid = torch::empty({pairs, height, width}, torch::kBool);
-  sequence.backward_valid = torch::empty({pairs, height, width}, torch::kBool);
   Progress progress("optical flow", static_cast<double>(pairs));
   std::mutex mutex;
   int64_t done = 0;
+  // Block by block, because what is prepared of an image can be much larger than the image.
+  std::vector<std::shared_ptr<const OpticalFlow::Prepared>> prepared(static_cast<size_t>(images.size(0)));
   const auto between = [&](int64_t from, int64_t to) {
-    return guess ? flow.FlowFrom(images[from], images[to], guess(from, to)) : flow.Flow(images[from], images[to]);
+    return flow.FlowBetween(*prepared[static_cast<size_t>(from)], *prepared[static_cast<size_t>(to)],
+                            guess ? guess(from, to) : torch::Tensor());
   };
-  ParallelFor(pairs, 1, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) {
+  for (int64_t begin = 0; begin < pairs; begin += kPairsPerBlock) {
+    const int64_t count = std::min(kPairsPerBlock, pairs - begin);
+    ParallelParts(count + 1, [&](int64_t k) {
+      auto& slot = prepared[static_cast<size_t>(begin + k)];
+      if (!slot) slot = flow.Prepare(images[begin + k]);
+    });
+    ParallelParts(count, [&](int64_t k) {
       if (InterruptRequested()) Throw<Interrupted>("interrupted during optical flow");
-      const torch::Tensor forward = between(i, i + 1), backward = between(i + 1, i);
-      sequence.forward[i].copy_(forward);
-      sequence.backward[i].copy_(backward);
-      sequence.forward_valid[i].copy_(ForwardBackwardValid(forward, backward));
-      sequence.backward_valid[i].copy_(ForwardBackwardValid(backward, forward));
+      const int64_t i = begin + k;
+      sequence.forward[i].copy_(between(i, i + 1));
+      sequence.backward[i].copy_(between(i + 1, i));
       const std::lock_guard<std::mutex> lock(mutex);
       progress.Update(static_cast<double>(++done));
-    }
-  });
+    });
+    for (int64_t k = 0; k < count; ++k) prepared[static_cast<size_t>(begin + k)].reset();
+  }
   progress.Finish();
+  Validate(&sequence);
   return sequence;
 }
 

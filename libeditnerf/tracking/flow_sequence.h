@@ -24,6 +24,9 @@ struct FlowSequence {
 // [H, W, 2] twice -> [H, W] bool, for the pixels of `flow`.
 torch::Tensor ForwardBackwardValid(const torch::Tensor& flow, const torch::Tensor& opposite);
 
+// Fills in the two masks from the two flows.
+void Validate(FlowSequence* sequence);
+
 // images [T, H, W, 3] uint8, T >= 2; pairs are computed on all threads. Throws Interrupted when the user asks to stop.
 // `guess(from, to)`, where given, is what the flow between two of the images begins from (OpticalFlow::FlowFrom).
 using FlowGuess = std::function<torch::Tensor(int64_t from, int64_t to)>;

@@ -3,7 +3,7 @@
 #include <torch/torch.h>
 
 #include "libeditnerf/base/error.h"
-#include "libeditnerf/evaluation/pth_archive.h"
+#include "libeditnerf/base/pth_archive.h"
 #include "tests/catch.h"
 #include "tests/shared_data.h"
 

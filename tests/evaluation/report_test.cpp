@@ -5,7 +5,7 @@
 #include "libeditnerf/base/error.h"
 #include "tests/catch.h"
 #include "tests/evaluation/markup_check.h"
-#include "tests/evaluation/pickle_writer.h"
+#include "tests/pickle_writer.h"
 
 using namespace editnerf;
 using editnerf::testing::MarkupProblem;

@@ -15,6 +15,7 @@ namespace {
 class ScriptedFlow : public OpticalFlow {
  public:
   explicit ScriptedFlow(std::function<Pixel(int64_t from, int64_t to)> shift) : shift_(std::move(shift)) {}
+  std::string Name() const override { return "scripted"; }
   torch::Tensor Flow(const torch::Tensor& from, const torch::Tensor& to) const override {
     const Pixel d = shift_(from[0][0][0].item<int64_t>(), to[0][0][0].item<int64_t>());
     torch::Tensor flow = torch::zeros({from.size(0), from.size(1), 2});

@@ -6,7 +6,7 @@
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
 #include "tests/catch.h"
-#include "tests/evaluation/pickle_writer.h"
+#include "tests/pickle_writer.h"
 
 using namespace editnerf;
 using editnerf::testing::Scratch;

@@ -1,14 +1,14 @@
-#include "libeditnerf/evaluation/pth_archive.h"
+#include "libeditnerf/base/pth_archive.h"
 
 #include <torch/torch.h>
 
 #include <limits>
 
 #include "libeditnerf/base/error.h"
-#include "libeditnerf/evaluation/restricted_pickle.h"
-#include "libeditnerf/evaluation/stored_zip.h"
+#include "libeditnerf/base/restricted_pickle.h"
+#include "libeditnerf/base/stored_zip.h"
 #include "tests/catch.h"
-#include "tests/evaluation/pickle_writer.h"
+#include "tests/pickle_writer.h"
 #include "tests/shared_data.h"
 
 using namespace editnerf;

@@ -1,12 +1,12 @@
-#include "libeditnerf/evaluation/pth_archive.h"
+#include "libeditnerf/base/pth_archive.h"
 
 #include <cstring>
 #include <string_view>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
-#include "libeditnerf/evaluation/restricted_pickle.h"
-#include "libeditnerf/evaluation/stored_zip.h"
+#include "libeditnerf/base/restricted_pickle.h"
+#include "libeditnerf/base/stored_zip.h"
 
 namespace editnerf {
 namespace {

@@ -1,4 +1,4 @@
-#include "libeditnerf/evaluation/restricted_pickle.h"
+#include "libeditnerf/base/restricted_pickle.h"
 
 #include <cstring>
 #include <limits>

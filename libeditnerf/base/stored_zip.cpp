@@ -1,4 +1,4 @@
-#include "libeditnerf/evaluation/stored_zip.h"
+#include "libeditnerf/base/stored_zip.h"
 
 #include <algorithm>
 #include <cstdint>
