@@ -3,6 +3,7 @@
 #include <torch/torch.h>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/shape.h"
 
 namespace editnerf {
@@ -25,6 +26,21 @@ std::vector<DepthError> MeasureDepthErrors(const torch::Tensor& depth, const Sce
     errors.push_back({part == 0 ? "static" : scene.truth->objects[part - 1], at(0.5), at(0.9), pixels});
   }
   return errors;
+}
+
+void LogDepthTargetErrors(const Scene& scene, const DepthTargets& targets) {
+  if (!scene.truth || targets.size() == 0) return;
+  const torch::Tensor row = torch::tensor(scene.train, torch::kInt64).index_select(0, targets.frame);
+  const torch::Tensor u = targets.pixel.select(1, 0), v = targets.pixel.select(1, 1);
+  const torch::Tensor truth = scene.truth->depth.index({row, v, u}), mask = scene.truth->mask.index({row, v, u});
+  const torch::Tensor error = (targets.distance / truth - 1).abs();
+  for (size_t part = 0; part <= scene.truth->objects.size(); ++part) {
+    const torch::Tensor own = error.masked_select(mask == static_cast<int64_t>(part));
+    if (own.numel() == 0) continue;
+    LogInfo("  on {}: {} places, median error {:.2g} %, 90th percentile {:.2g} %",
+            part == 0 ? "the static scene" : scene.truth->objects[part - 1], own.numel(),
+            100 * own.quantile(0.5).item<double>(), 100 * own.quantile(0.9).item<double>());
+  }
 }
 
 }  // namespace editnerf

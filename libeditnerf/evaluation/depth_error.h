@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "libeditnerf/scene/scene.h"
+#include "libeditnerf/training/depth_targets.h"
 
 namespace editnerf {
 
@@ -21,5 +22,8 @@ struct DepthError {
 // hits nothing are left out, and so are parts without pixels. Throws DataError if the scene has no ground truth, and
 // ShapeError.
 std::vector<DepthError> MeasureDepthErrors(const torch::Tensor& depth, const Scene& scene);
+
+// One line of the log for each part on which distances are known; none without ground truth.
+void LogDepthTargetErrors(const Scene& scene, const DepthTargets& targets);
 
 }  // namespace editnerf

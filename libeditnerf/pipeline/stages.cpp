@@ -14,6 +14,7 @@
 #include "libeditnerf/imaging/scene_folder.h"
 #include "libeditnerf/render/image_renderer.h"
 #include "libeditnerf/scene/packed_scene.h"
+#include "libeditnerf/tracking/detection_run.h"
 #include "libeditnerf/tracking/clip.h"
 #include "libeditnerf/tracking/flow_cache.h"
 #include "libeditnerf/tracking/flow_choice.h"
@@ -81,20 +82,6 @@ Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage
   return trainer.run();
 }
 
-void LogDepthTargetErrors(const Scene& scene, const DepthTargets& targets) {
-  const torch::Tensor row = torch::tensor(scene.train, torch::kInt64).index_select(0, targets.frame);
-  const torch::Tensor u = targets.pixel.select(1, 0), v = targets.pixel.select(1, 1);
-  const torch::Tensor truth = scene.truth->depth.index({row, v, u}), mask = scene.truth->mask.index({row, v, u});
-  const torch::Tensor error = (targets.distance / truth - 1).abs();
-  for (size_t part = 0; part <= scene.truth->objects.size(); ++part) {
-    const torch::Tensor own = error.masked_select(mask == static_cast<int64_t>(part));
-    if (own.numel() == 0) continue;
-    LogInfo("  on {}: {} places, median error {:.2g} %, 90th percentile {:.2g} %",
-            part == 0 ? "the static scene" : scene.truth->objects[part - 1], own.numel(),
-            100 * own.quantile(0.5).item<double>(), 100 * own.quantile(0.9).item<double>());
-  }
-}
-
 // What optical flow between the training images says of the static scene's depth.
 // A flow that detection can use too is kept in the run folder.
 DepthTargets StillDepthOf(const Scene& scene, const OpticalFlow& flow, const fs::path& run_folder) {
@@ -107,7 +94,7 @@ DepthTargets StillDepthOf(const Scene& scene, const OpticalFlow& flow, const fs:
   const DepthTargets targets = TriangulateStillDepth(clip, scene.transform.near, scene.transform.far);
   LogInfo("static depth by {}: {} places known, {:.0f} in each frame", flow.Name(), targets.size(),
           static_cast<double>(targets.size()) / static_cast<double>(scene.train.size()));
-  if (scene.truth) LogDepthTargetErrors(scene, targets);
+  LogDepthTargetErrors(scene, targets);
   return targets;
 }
 
@@ -199,6 +186,10 @@ DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const fs::path& fold
   KeyPointSupervision supervision;
   supervision.depth = ReadMedianDepths(folder, ids);
   supervision.flow = ReadFlows(folder, ids);
+  const fs::path known = KnownDepthPath(folder);
+  if (fs::exists(known)) {
+    detected.known_depth = ReadDepthTargets(known, detected.tracks.size(0), scene.height(), scene.width());
+  }
   for (const torch::Tensor& map : {supervision.depth, supervision.flow}) {
     if (map.size(1) != scene.height() || map.size(2) != scene.width()) {
       Throw<DataError>("{}: depth and flow have {} x {} pixels, the images {} x {}; detect again at this image size",
@@ -214,7 +205,8 @@ void RunTraining(const Scene& scene, const StageRequest& request, const fs::path
   if (detected.tracks.size(1) == 0) {
     LogWarning("{}: no key points (data/k_points_auto.txt); training a static scene", detection_folder.string());
   }
-  TrainStage(scene, request, FieldStage::kTrain, detected.tracks, std::move(detected.supervision), {});
+  TrainStage(scene, request, FieldStage::kTrain, detected.tracks, std::move(detected.supervision),
+             request.config.train.lambda_depth > 0 ? detected.known_depth : DepthTargets());
 }
 
 }  // namespace editnerf

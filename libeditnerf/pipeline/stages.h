@@ -9,6 +9,7 @@
 #include "libeditnerf/config/config.h"
 #include "libeditnerf/scene/scene.h"
 #include "libeditnerf/tracking/pretrained_maps.h"
+#include "libeditnerf/training/depth_targets.h"
 #include "libeditnerf/training/key_point_supervision.h"
 #include "libeditnerf/training/run.h"
 
@@ -44,6 +45,7 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
 struct DetectedKeyPoints {
   torch::Tensor tracks;
   std::optional<KeyPointSupervision> supervision;
+  DepthTargets known_depth;
 };
 DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const std::filesystem::path& folder);
 

@@ -67,10 +67,15 @@ void WriteDetection(const Scene& scene, const DetectionRun& run, const std::file
     WriteMedianDepth(folder, id, run.depth[static_cast<int64_t>(t)]);
     if (t + 1 < scene.train.size()) WriteFlow(folder, id, run.flows.forward[static_cast<int64_t>(t)]);
   }
+  WriteDepthTargets(KnownDepthPath(folder), run.known_depth);
   WriteFileAtomically(folder / "data" / "detection.json", Describe(scene, run).dump(2) + "\n");
   WritePng(folder / "data" / "variance.png", VariancePicture(run.detection));
   WritePng(folder / "data" / "motion.png", MotionPicture(scene, run.detection));
   WritePng(folder / "data" / "tracks.png", TracksPicture(scene, run.detection));
+}
+
+std::filesystem::path KnownDepthPath(const std::filesystem::path& folder) {
+  return folder / "data" / "known_depth.safetensors";
 }
 
 }  // namespace editnerf

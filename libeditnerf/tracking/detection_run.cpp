@@ -2,6 +2,7 @@
 
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/evaluation/depth_error.h"
 #include "libeditnerf/tracking/clip.h"
 #include "libeditnerf/tracking/flow_cache.h"
 #include "libeditnerf/tracking/still_depth.h"
@@ -35,13 +36,19 @@ DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, 
   pretrained.Check(scene);
   DetectionRun run;
   run.flows = FlowsOf(scene, pretrained, flow, flow_cache);
-  run.depth = PutKnownDepth(
-      pretrained.depth,
-      TriangulateStillDepth(MakeClip(scene, pretrained.depth, run.flows), scene.transform.near, scene.transform.far),
-      std::max<int64_t>(1, scene.width() / kWidthsPerReach));
+  const int64_t reach = std::max<int64_t>(1, scene.width() / kWidthsPerReach);
+  run.known_depth =
+      TriangulateStillDepth(MakeClip(scene, pretrained.depth, run.flows), scene.transform.near, scene.transform.far);
+  run.depth = PutKnownDepth(pretrained.depth, run.known_depth, reach);
   PretrainedMaps maps = pretrained;
   maps.depth = run.depth;
   run.detection = DetectKeyPoints(scene, maps, run.flows, flow, config);
+  run.depth = PutKnownDepth(run.depth, run.detection.part_depth, reach);
+  run.known_depth = Joined(run.known_depth, run.detection.part_depth);
+  if (run.detection.part_depth.size() > 0) {
+    LogInfo("rigid parts: {} places known", run.detection.part_depth.size());
+    LogDepthTargetErrors(scene, run.detection.part_depth);
+  }
   if (config.refine && run.detection.count() > 0) {
     run.refined = RefineTracks(MakeClip(scene, run.depth, run.flows), &run.detection);
   }

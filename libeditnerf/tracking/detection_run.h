@@ -17,7 +17,8 @@ struct DetectionRun {
   Detection detection;                // tracks are the refined ones where config.refine
   std::vector<RefinedTrack> refined;  // N; empty without config.refine
   FlowSequence flows;
-  torch::Tensor depth;  // [T, H, W] float32, the pretrained maps with what triangulation gave in its places
+  torch::Tensor depth;  // [T, H, W] float32, the pretrained maps with known_depth in its places
+  DepthTargets known_depth;  // by triangulation of what stands still, and of rigid parts
 };
 
 // Flow of the training images, detection, refinement. Notes, of which the first names the flow, go to the log; a
@@ -39,7 +40,10 @@ LocalCoordinates ToLocalCoordinates(const torch::Tensor& tracks);  // [T, N, 3],
 
 // Into `folder` (a scene folder): data/k_points_auto.txt and k_points_auto_coor_I.txt (where there are key points),
 // data/detection.json, data/variance.png, data/motion.png, data/tracks.png, depth/depth_median_ID.npy,
-// flow/flow_ID.npy. Throws DataError naming the file that cannot be written.
+// flow/flow_ID.npy, data/known_depth.safetensors. Throws DataError naming the file that cannot be written.
 void WriteDetection(const Scene& scene, const DetectionRun& run, const std::filesystem::path& folder);
+
+// Where WriteDetection leaves the known distances.
+std::filesystem::path KnownDepthPath(const std::filesystem::path& folder);
 
 }  // namespace editnerf

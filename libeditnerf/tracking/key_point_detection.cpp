@@ -12,6 +12,8 @@
 #include "libeditnerf/base/progress.h"
 #include "libeditnerf/tracking/candidates.h"
 #include "libeditnerf/tracking/motion_evidence.h"
+#include "libeditnerf/tracking/moving_parts.h"
+#include "libeditnerf/tracking/part_candidates.h"
 #include "libeditnerf/tracking/track_refinement.h"
 #include "libeditnerf/tracking/track_relation.h"
 
@@ -41,6 +43,8 @@ class Detector {
       : clip_(MakeClip(scene, maps.depth, flows)),
         direct_(clip_, flow),
         config_(config),
+        near_(scene.transform.near),
+        far_(scene.transform.far),
         motion_(MeasureMotion(clip_)) {
     options_.skip_interval = config.skip_interval;
     options_.skip_max_error = config.skip_max_error * clip_.PixelScale();
@@ -68,6 +72,20 @@ class Detector {
     candidate.moving = CountMoving(candidate.pixels);
     candidate.objection = Objection(candidate);
     return candidate;
+  }
+
+  // One for each rigid part, heaviest first, and what is known of the parts' depth.
+  std::vector<Candidate> ExamineParts(DepthTargets* depth, std::vector<std::string>* notes) {
+    const MovingParts moving = FindMovingParts(clip_, motion_, &direct_, near_, far_);
+    for (const MovingPart& part : moving.parts) {
+      notes->push_back(fmt::format(
+          "a rigid part with {} points, seen at {} pixels in {} of {} frames, goes {:.0f} pixels at 320 wide{}",
+          part.body.points.size(), part.body.observations,
+          std::count(part.body.seen.begin(), part.body.seen.end(), true), clip_.num_frames(), part.range,
+          part.body.turns ? " and turns" : ""));
+      *depth = Joined(*depth, PartDepths(clip_, moving.tracks, part.body));
+    }
+    return PartCandidates(clip_, moving);
   }
 
   double PixelScale() const { return clip_.PixelScale(); }
@@ -291,6 +309,7 @@ class Detector {
   Clip clip_;
   DirectFlows direct_;
   const DetectionConfig& config_;
+  double near_, far_;  // scene units
   MotionEvidence motion_;
   PropagationOptions options_;
 };
@@ -306,6 +325,7 @@ void Store(const std::vector<const Candidate*>& kept, const Detector& detector, 
   };
   for (int64_t n = 0; n < count; ++n) {
     const Candidate& candidate = *kept[At(n)];
+    detection->rigid.push_back(candidate.rigid);
     put(detection->reference.data_ptr<float>() + 3 * n, detector.Reference(candidate));
     detection->score[n] = candidate.maximum.value;
     detection->reference_frame.push_back(candidate.start.frame);
@@ -315,6 +335,30 @@ void Store(const std::vector<const Candidate*>& kept, const Detector& detector, 
       detection->visible.data_ptr<bool>()[t * count + n] = candidate.track.visible[At(t)];
     }
   }
+}
+
+// The paper's candidates, with the objections to them.
+std::vector<Candidate> ExamineMaxima(Detector& detector, const DetectionConfig& config, Detection* detection) {
+  const size_t most = kCandidatesPerKeyPoint * At(std::max(config.count, config.max_count));
+  const size_t examined = std::min(detection->candidates.size(), most);
+  std::vector<Candidate> candidates;
+  Progress progress("key point candidates", static_cast<double>(std::max<size_t>(examined, 1)));
+  for (size_t i = 0; i < examined; ++i) {
+    if (InterruptRequested()) Throw<Interrupted>("interrupted during key point detection");
+    std::optional<Candidate> candidate = detector.Examine(detection->candidates[i], detection->volume.voxel_size);
+    if (candidate) {
+      candidates.push_back(std::move(*candidate));
+    } else {
+      detection->notes.push_back(
+          fmt::format("candidate at {} dropped: no frame sees it on a surface", Place(detection->candidates[i].point)));
+    }
+    progress.Update(static_cast<double>(i + 1));
+  }
+  progress.Finish();
+  RejectWeakMotion(&candidates, detector.PixelScale());
+  RejectShadows(&candidates);
+  MergeDuplicates(&candidates, config.merge_distance);
+  return candidates;
 }
 
 torch::Tensor CanonicalPoints(const Scene& scene, const PretrainedMaps& maps) {
@@ -342,30 +386,21 @@ Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const 
                                         detection.motion.MovingPixels(scene.height(), scene.width()));
   detection.candidates = LocalMaxima(detection.volume, config.min_distance, config.relative_threshold);
 
-  const size_t most = kCandidatesPerKeyPoint * At(std::max(config.count, config.max_count));
-  const size_t examined = std::min(detection.candidates.size(), most);
-  std::vector<Candidate> candidates;
-  Progress progress("key point candidates", static_cast<double>(std::max<size_t>(examined, 1)));
-  for (size_t i = 0; i < examined; ++i) {
-    if (InterruptRequested()) Throw<Interrupted>("interrupted during key point detection");
-    std::optional<Candidate> candidate = detector.Examine(detection.candidates[i], detection.volume.voxel_size);
-    if (candidate) {
-      candidates.push_back(std::move(*candidate));
-    } else {
-      detection.notes.push_back(
-          fmt::format("candidate at {} dropped: no frame sees it on a surface", Place(detection.candidates[i].point)));
+  std::vector<Candidate> candidates = detector.ExamineParts(&detection.part_depth, &detection.notes);
+  // The volume's maxima count where nothing moves as a rigid part, or where more key points are asked for.
+  if (candidates.empty() || static_cast<int64_t>(candidates.size()) < config.count) {
+    const bool asked = !candidates.empty();
+    std::vector<Candidate> maxima = ExamineMaxima(detector, config, &detection);
+    for (Candidate& candidate : maxima) {
+      if (asked && candidate.objection.empty()) candidate.objection = "no rigid part moves there";
+      candidates.push_back(std::move(candidate));
     }
-    progress.Update(static_cast<double>(i + 1));
   }
-  progress.Finish();
-  RejectWeakMotion(&candidates, detector.PixelScale());
-  RejectShadows(&candidates);
-  MergeDuplicates(&candidates, config.merge_distance);
   const std::vector<const Candidate*> kept = SelectCandidates(candidates, config, &detection.notes);
   Store(kept, detector, frames, &detection);
   if (kept.empty()) {
     detection.notes.push_back(
-        fmt::format("no moving part found among {} candidates: the scene looks static", examined));
+        fmt::format("no moving part found among {} candidates: the scene looks static", candidates.size()));
   }
   return detection;
 }

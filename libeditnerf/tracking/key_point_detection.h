@@ -36,6 +36,7 @@
 #include "libeditnerf/tracking/pretrained_maps.h"
 #include "libeditnerf/tracking/propagation.h"
 #include "libeditnerf/tracking/surface_volume.h"
+#include "libeditnerf/training/depth_targets.h"
 
 namespace editnerf {
 
@@ -47,6 +48,8 @@ struct Detection {
   torch::Tensor visible;                  // [T, N] bool: checked flow leads here and the depth map agrees
   torch::Tensor score;                    // [N] float32, smoothed variance at the maximum
   std::vector<PixelTrack> pixel_tracks;   // N, what the tracks were lifted from
+  std::vector<bool> rigid;                // N, whether a rigid part carries the track: nothing is left to refine
+  DepthTargets part_depth;                // distances on those parts
   std::vector<std::string> notes;         // what was dropped or merged and why, for the report
   SurfaceVolume volume;                   // for pictures
   MotionEvidence motion;                  // likewise

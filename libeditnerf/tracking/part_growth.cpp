@@ -24,7 +24,7 @@ constexpr int64_t kLeastOverlap = 6;   // frames of a track that joins
 constexpr size_t kFewPoints = 40, kMostPoints = 90;  // in a solution on the way, and in the last ones
 constexpr int kFewIterations = 15;
 constexpr double kNearest = 0.75, kFarthest = 1.33;  // of a point, as a share of the part's distance
-constexpr int64_t kLookEvery = 4, kLookFrom = 6;     // lost frames looked at, and frames looked from
+constexpr int64_t kLookEvery = 5, kLookFrom = 5;     // lost frames looked at, and frames looked from
 constexpr size_t kLeastFound = 8;
 constexpr double kLeastFoundShare = 0.4, kFoundSimilarity = 0.75, kFoundError = 2;  // pixels at 320 wide
 constexpr double kTurnsNeeded = 1.2;  // times the mean miss that turns must save
@@ -69,7 +69,7 @@ class Growth {
 
   std::optional<RigidPart> Run(const PartSeed& seed) {
     if (!Begin(seed) || !GrowInTime()) return std::nullopt;
-    while (direct_ && LookAgain())
+    while (direct_ && Observations() >= options_.look_again_from && LookAgain())
       if (!GrowInTime()) return std::nullopt;
     if (!Solve(kMostPoints, options_.iterations)) return std::nullopt;
     Settle();

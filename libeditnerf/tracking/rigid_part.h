@@ -37,4 +37,7 @@ struct RigidPart {
   Vec3 TakeBack(int64_t t, const Vec3& point) const;
 };
 
+// How far a point goes: the 95th percentile of its distances from its median place, over the given frames; scene units.
+double PointRange(const RigidPart& part, const Vec3& position, const std::vector<int64_t>& frames);
+
 }  // namespace editnerf

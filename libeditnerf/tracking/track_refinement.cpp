@@ -279,7 +279,9 @@ std::vector<RefinedTrack> RefineTracks(const Clip& clip, Detection* detection, c
       initial.position.push_back({p[0], p[1], p[2]});
       initial.visible.push_back(detection->visible[t][n].item<bool>());
     }
-    refined.push_back(RefineTrack(clip, initial, detection->pixel_tracks[At(n)], options));
+    RefinementOptions own = options;
+    if (At(n) < detection->rigid.size() && detection->rigid[At(n)]) own.rounds = 0;
+    refined.push_back(RefineTrack(clip, initial, detection->pixel_tracks[At(n)], own));
     for (int64_t t = 0; t < frames; ++t) {
       const Vec3& p = refined.back().position[At(t)];
       float* out = tracks + 3 * (t * count + n);

@@ -3,6 +3,8 @@
 
 #include <torch/types.h>
 
+#include <filesystem>
+
 namespace editnerf {
 
 struct DepthTargets {
@@ -13,5 +15,13 @@ struct DepthTargets {
 
   int64_t size() const { return distance.defined() ? distance.size(0) : 0; }
 };
+
+// Both, one after the other; either may be empty.
+DepthTargets Joined(const DepthTargets& a, const DepthTargets& b);
+
+// A safetensors file with the four tensors. Reading throws CheckpointError or DataError naming the file where it is
+// broken, holds what is not finite and positive, or does not fit `frames` images of the given size.
+void WriteDepthTargets(const std::filesystem::path& path, const DepthTargets& targets);
+DepthTargets ReadDepthTargets(const std::filesystem::path& path, int64_t frames, int64_t height, int64_t width);
 
 }  // namespace editnerf

@@ -1,0 +1,130 @@
+#include "libeditnerf/tracking/part_candidates.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace editnerf {
+namespace {
+
+constexpr double kFarShare = 0.8;     // of the range that a tenth of the points exceeds
+constexpr double kBeside = 8;         // pixels at 320 wide
+constexpr double kMostBeside = 8;     // neighbours that count
+constexpr double kSameDepth = 0.05;   // share of the distance within which a neighbour is the same side of the part
+
+size_t At(int64_t i) { return static_cast<size_t>(i); }
+Vec3 ToVec3(const std::array<double, 3>& p) { return {p[0], p[1], p[2]}; }
+
+class PartView {
+ public:
+  PartView(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part)
+      : clip_(clip), tracks_(tracks), part_(part) {
+    for (int64_t t = 0; t < clip.num_frames(); ++t)
+      if (part.seen[At(t)]) seen_.push_back(t);
+  }
+
+  const PartPoint& Choose() const {
+    std::vector<double> ranges;
+    for (const PartPoint& point : part_.points) ranges.push_back(PointRange(part_, ToVec3(point.position), seen_));
+    std::vector<double> sorted = ranges;
+    std::sort(sorted.begin(), sorted.end());
+    const double least = kFarShare * sorted[sorted.size() * 9 / 10];
+    size_t best = 0;
+    double most = -1;
+    for (size_t i = 0; i < ranges.size(); ++i) {
+      if (ranges[i] < least) continue;
+      const FlowTrack& longest = Longest(part_.points[i]);
+      const int64_t middle = (longest.first + longest.end()) / 2;
+      const double crowd = std::min(kMostBeside, Beside(middle, ToVec3(part_.points[i].position)));
+      const double merit = static_cast<double>(longest.pixel.size()) * (1 + crowd);
+      if (merit > most) most = merit, best = i;
+    }
+    return part_.points[best];
+  }
+
+  // The frame around the middle of its longest track in which the point is best surrounded.
+  int64_t ReferenceFrame(const PartPoint& point) const {
+    const FlowTrack& longest = Longest(point);
+    int64_t best = longest.seed;
+    double most = -1;
+    for (int64_t t = longest.first; t < longest.end(); ++t) {
+      if (!part_.seen[At(t)]) continue;
+      const double crowd = Beside(t, ToVec3(point.position));
+      if (crowd > most) most = crowd, best = t;
+    }
+    return best;
+  }
+
+  // Points of the part that are seen around where the point is in frame t, on the same side.
+  double Beside(int64_t t, const Vec3& position) const {
+    const Vec3 place = part_.Place(t, position);
+    const Projected at = Project(clip_.cameras[At(t)], place);
+    if (!at.valid) return 0;
+    const double distance = Norm(place - clip_.cameras[At(t)].position);
+    double count = 0;
+    for (const PartPoint& other : part_.points) {
+      for (const size_t i : other.tracks) {
+        if (!tracks_[i].Covers(t)) continue;
+        const double depth = Norm(part_.Place(t, ToVec3(other.position)) - clip_.cameras[At(t)].position);
+        count += Distance(tracks_[i].At(t), {at.u, at.v}) < kBeside * clip_.PixelScale() &&
+                 std::abs(depth / distance - 1) < kSameDepth;
+        break;
+      }
+    }
+    return count;
+  }
+
+  const std::vector<int64_t>& seen() const { return seen_; }
+
+ private:
+  const FlowTrack& Longest(const PartPoint& point) const {
+    const auto longest = std::max_element(point.tracks.begin(), point.tracks.end(), [&](size_t a, size_t b) {
+      return tracks_[a].pixel.size() < tracks_[b].pixel.size();
+    });
+    return tracks_[*longest];
+  }
+
+  const Clip& clip_;
+  const std::vector<FlowTrack>& tracks_;
+  const RigidPart& part_;
+  std::vector<int64_t> seen_;
+};
+
+Candidate ToCandidate(const Clip& clip, const MovingParts& moving, const MovingPart& part) {
+  const PartView view(clip, moving.tracks, part.body);
+  const PartPoint& point = view.Choose();
+  const Vec3 position = ToVec3(point.position);
+  const int64_t frames = clip.num_frames(), reference = view.ReferenceFrame(point);
+  Candidate candidate;
+  candidate.rigid = true;
+  candidate.maximum.value = part.weight;
+  candidate.maximum.point = part.body.Place(reference, position);
+  candidate.pixels.reference_frame = reference;
+  for (int64_t t = 0; t < frames; ++t) {
+    const Vec3 place = part.body.Place(t, position);
+    const Projected at = Project(clip.cameras[At(t)], place);
+    const Pixel pixel = {at.u, at.v};
+    const bool visible = part.body.seen[At(t)] && at.valid && clip.Inside(pixel) && view.Beside(t, position) > 0;
+    candidate.pixels.pixel.push_back(pixel);
+    candidate.pixels.visible.push_back(visible);
+    candidate.pixels.distance.push_back(visible ? Norm(place - clip.cameras[At(t)].position) : NAN);
+    candidate.track.position.push_back(place);
+    candidate.track.visible.push_back(visible);
+  }
+  candidate.pixels.visible[At(reference)] = candidate.track.visible[At(reference)] = true;
+  candidate.start = {reference, candidate.pixels.pixel[At(reference)],
+                     Norm(candidate.maximum.point - clip.cameras[At(reference)].position), 1};
+  candidate.refined = candidate.track;
+  candidate.motion = MeasureTrackMotion(candidate.track);
+  candidate.moving = candidate.pixels.CountVisible();
+  return candidate;
+}
+
+}  // namespace
+
+std::vector<Candidate> PartCandidates(const Clip& clip, const MovingParts& moving) {
+  std::vector<Candidate> candidates;
+  for (const MovingPart& part : moving.parts) candidates.push_back(ToCandidate(clip, moving, part));
+  return candidates;
+}
+
+}  // namespace editnerf

@@ -1,0 +1,59 @@
+#include "libeditnerf/training/depth_targets.h"
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/safetensors.h"
+
+namespace editnerf {
+namespace {
+
+bool Within(const torch::Tensor& values, int64_t end) {
+  return values.numel() == 0 || (values.min().item<int64_t>() >= 0 && values.max().item<int64_t>() < end);
+}
+
+bool FiniteAndPositive(const torch::Tensor& values) {
+  return (torch::isfinite(values) & (values > 0)).all().item<bool>();
+}
+
+}  // namespace
+
+DepthTargets Joined(const DepthTargets& a, const DepthTargets& b) {
+  if (a.size() == 0) return b;
+  if (b.size() == 0) return a;
+  return {torch::cat({a.frame, b.frame}), torch::cat({a.pixel, b.pixel}), torch::cat({a.distance, b.distance}),
+          torch::cat({a.tolerance, b.tolerance})};
+}
+
+void WriteDepthTargets(const std::filesystem::path& path, const DepthTargets& targets) {
+  WriteSafetensors(path, {{"frame", targets.frame},
+                          {"pixel", targets.pixel},
+                          {"distance", targets.distance},
+                          {"tolerance", targets.tolerance}});
+}
+
+DepthTargets ReadDepthTargets(const std::filesystem::path& path, int64_t frames, int64_t height, int64_t width) {
+  SafetensorsFile file = ReadSafetensors(path);
+  for (const char* name : {"frame", "pixel", "distance", "tolerance"})
+    if (file.tensors.count(name) == 0) Throw<DataError>("{}: found no tensor \"{}\"", path.string(), name);
+  const DepthTargets targets = {file.tensors["frame"], file.tensors["pixel"], file.tensors["distance"],
+                                file.tensors["tolerance"]};
+  const int64_t count = targets.distance.numel();
+  const bool fits = targets.frame.scalar_type() == torch::kInt64 && targets.pixel.scalar_type() == torch::kInt64 &&
+                    targets.distance.scalar_type() == torch::kFloat32 &&
+                    targets.tolerance.scalar_type() == torch::kFloat32 && targets.frame.sizes() == torch::IntArrayRef{count} &&
+                    targets.pixel.sizes() == torch::IntArrayRef({count, 2}) &&
+                    targets.distance.dim() == 1 && targets.tolerance.sizes() == torch::IntArrayRef{count};
+  if (!fits) {
+    Throw<DataError>("{}: expected frame [M] and pixel [M, 2] int64, distance and tolerance [M] float32", path.string());
+  }
+  if (!Within(targets.frame, frames) || !Within(targets.pixel.select(1, 0), width) ||
+      !Within(targets.pixel.select(1, 1), height)) {
+    Throw<DataError>("{}: holds places outside {} frames of {} x {} pixels; detect again on this scene", path.string(),
+                     frames, width, height);
+  }
+  if (!FiniteAndPositive(targets.distance) || !FiniteAndPositive(targets.tolerance)) {
+    Throw<DataError>("{}: a distance or tolerance is not finite and positive", path.string());
+  }
+  return targets;
+}
+
+}  // namespace editnerf
