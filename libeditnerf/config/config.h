@@ -107,6 +107,7 @@ struct FlowConfig {
   std::string weights;      // file; empty: none
   int64_t iterations = 12;  // of RAFT
   int64_t enlarge = 2;      // times, before RAFT
+  bool rigid_parts = true;  // key points on rigid parts of flow tracks; false: on the maxima of the volume
   bool refine = true;       // DIS from RAFT's flow
 
   template <class Visitor>
@@ -119,6 +120,9 @@ struct FlowConfig {
     v("iterations", iterations, "updates of RAFT", Between(1, 100));
     v("enlarge", enlarge, "whole factor by which images are enlarged for RAFT, which sees an eighth of their size",
       Between(1, 8));
+    v("rigid_parts", rigid_parts,
+      "key points on rigid parts fitted to flow tracks; false takes the maxima of the variance volume, as the paper "
+      "does");
     v("refine", refine, "let dense inverse search begin from RAFT's flow, for fractions of a pixel");
   }
 };
@@ -136,6 +140,7 @@ struct DetectionConfig {
   int64_t skip_interval = 50;        // frames between attempts of skipping propagation; 0: never
   double skip_max_error = 5.0;       // forward-backward distance in pixels at 320 wide
   double merge_distance = 0.15;      // tracks nearer than this (of their motion range) are one part
+  bool rigid_parts = true;           // key points on the rigid parts that flow shows; false: on the volume's maxima
   bool refine = true;                // robust least squares over every track
 
   template <class Visitor>
@@ -153,6 +158,9 @@ struct DetectionConfig {
     v("skip_interval", skip_interval, "frames between attempts of skipping propagation; 0 for never", AtLeast(0));
     v("skip_max_error", skip_max_error, "forward-backward distance allowed for it, in pixels at 320 wide", Positive());
     v("merge_distance", merge_distance, "tracks nearer than this share of their motion range are one part", AtLeast(0));
+    v("rigid_parts", rigid_parts,
+      "key points on rigid parts fitted to flow tracks; false takes the maxima of the variance volume, as the paper "
+      "does");
     v("refine", refine, "refine every track by robust least squares");
   }
 };

@@ -10,14 +10,6 @@ namespace {
 
 constexpr int64_t kCachedBytes = int64_t{256} << 20;  // of flow; the same pairs are asked for by many candidates
 
-float Bilinear(const float* values, int64_t width, double u, double v) {
-  const double x = u - 0.5, y = v - 0.5;
-  const auto column = static_cast<int64_t>(std::floor(x)), row = static_cast<int64_t>(std::floor(y));
-  const auto fx = static_cast<float>(x - std::floor(x)), fy = static_cast<float>(y - std::floor(y));
-  const float* p = values + row * width + column;
-  return (1 - fy) * ((1 - fx) * p[0] + fx * p[1]) + fy * ((1 - fx) * p[width] + fx * p[width + 1]);
-}
-
 }  // namespace
 
 FlowSample Clip::Step(int64_t t, int64_t step, const Pixel& p) const {
@@ -54,32 +46,6 @@ Clip MakeClip(const Scene& scene, const torch::Tensor& depth, const FlowSequence
   clip.forward_valid = flows.forward_valid.contiguous().unbind(0);
   clip.backward_valid = flows.backward_valid.contiguous().unbind(0);
   return clip;
-}
-
-double PatchSimilarity(const torch::Tensor& gray_a, const Pixel& a, const torch::Tensor& gray_b, const Pixel& b,
-                       int64_t radius) {
-  const auto margin = static_cast<double>(radius) + 0.5;
-  const auto fits = [margin](const torch::Tensor& gray, const Pixel& p) {
-    return p.u - margin >= 0 && p.v - margin >= 0 && p.u + margin + 1 < static_cast<double>(gray.size(1)) &&
-           p.v + margin + 1 < static_cast<double>(gray.size(0));
-  };
-  if (!fits(gray_a, a) || !fits(gray_b, b)) return 0;
-  const float* values_a = gray_a.data_ptr<float>();
-  const float* values_b = gray_b.data_ptr<float>();
-  double sum_a = 0, sum_b = 0, sum_aa = 0, sum_bb = 0, sum_ab = 0, count = 0;
-  for (int64_t dy = -radius; dy <= radius; ++dy) {
-    for (int64_t dx = -radius; dx <= radius; ++dx) {
-      const auto ox = static_cast<double>(dx), oy = static_cast<double>(dy);
-      const double va = Bilinear(values_a, gray_a.size(1), a.u + ox, a.v + oy);
-      const double vb = Bilinear(values_b, gray_b.size(1), b.u + ox, b.v + oy);
-      sum_a += va, sum_b += vb, sum_aa += va * va, sum_bb += vb * vb, sum_ab += va * vb, count += 1;
-    }
-  }
-  const double variance_a = sum_aa / count - sum_a * sum_a / (count * count);
-  const double variance_b = sum_bb / count - sum_b * sum_b / (count * count);
-  constexpr double kLeastVariance = 1.0;  // grey levels squared: below it there is only noise
-  if (variance_a < kLeastVariance || variance_b < kLeastVariance) return 0;
-  return (sum_ab / count - sum_a * sum_b / (count * count)) / std::sqrt(variance_a * variance_b);
 }
 
 const torch::Tensor& DirectFlows::Get(int64_t from, int64_t to) {

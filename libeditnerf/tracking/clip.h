@@ -37,11 +37,6 @@ struct Clip {
 // Throws ShapeError unless depth and flows fit the training frames.
 Clip MakeClip(const Scene& scene, const torch::Tensor& depth, const FlowSequence& flows);
 
-// Zero-mean normalised correlation of the patches around two positions, in [-1, 1]; 0 where a patch leaves its image.
-// A patch without texture has nothing to compare and scores 0. gray [H, W] float32 contiguous.
-double PatchSimilarity(const torch::Tensor& gray_a, const Pixel& a, const torch::Tensor& gray_b, const Pixel& b,
-                       int64_t radius);
-
 // Flow between distant frames, computed when asked for and kept, as far as memory is meant for it. Not thread-safe.
 class DirectFlows {
  public:

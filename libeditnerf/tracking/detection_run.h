@@ -17,7 +17,7 @@ struct DetectionRun {
   Detection detection;                // tracks are the refined ones where config.refine
   std::vector<RefinedTrack> refined;  // N; empty without config.refine
   FlowSequence flows;
-  torch::Tensor depth;  // [T, H, W] float32, the pretrained maps with known_depth in its places
+  torch::Tensor depth;       // [T, H, W] float32, the pretrained maps with known_depth in its places
   DepthTargets known_depth;  // by triangulation of what stands still, and of rigid parts
 };
 

@@ -23,7 +23,8 @@ struct FlowTrack {
   const Pixel& At(int64_t t) const { return pixel[static_cast<size_t>(t - first)]; }
 };
 
-// The pixel `start` of frame `seed` as far as checked flow leads to what looks the same.
+// The pixel `start` of frame `seed` as far as checked flow leads to what looks the same; `start` alone where its
+// surroundings change within a few frames.
 FlowTrack FollowPixel(const Clip& clip, int64_t seed, const Pixel& start);
 
 // Tracks of the pixels that move by the evidence and that no static point explains, started wherever no other track

@@ -293,6 +293,13 @@ class Detector {
     if (moving < kLeastMovingFrames || static_cast<double>(moving) < kLeastMovingShare * static_cast<double>(seen)) {
       return fmt::format("the surface there moves against the static scene in {} of {} frames only", moving, seen);
     }
+    std::vector<Sighting> sightings;
+    for (int64_t t = 0; t < clip_.num_frames(); ++t)
+      if (candidate.pixels.visible[At(t)]) sightings.push_back({t, candidate.pixels.pixel[At(t)]});
+    const double cost = CostOfStillness(clip_, sightings, near_, far_);
+    if (cost < kLeastGain) {
+      return fmt::format("a static point explains its track at a cost of {:.1f}, less than {:.1f}", cost, kLeastGain);
+    }
     const auto middle = distances.begin() + static_cast<int64_t>(distances.size() / 2);
     if (static_cast<int64_t>(distances.size()) < kLeastVisibleFrames) {
       return fmt::format("its depth is known in {} frames only", distances.size());
@@ -386,13 +393,12 @@ Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const 
                                         detection.motion.MovingPixels(scene.height(), scene.width()));
   detection.candidates = LocalMaxima(detection.volume, config.min_distance, config.relative_threshold);
 
-  std::vector<Candidate> candidates = detector.ExamineParts(&detection.part_depth, &detection.notes);
-  // The volume's maxima count where nothing moves as a rigid part, or where more key points are asked for.
-  if (candidates.empty() || static_cast<int64_t>(candidates.size()) < config.count) {
-    const bool asked = !candidates.empty();
-    std::vector<Candidate> maxima = ExamineMaxima(detector, config, &detection);
-    for (Candidate& candidate : maxima) {
-      if (asked && candidate.objection.empty()) candidate.objection = "no rigid part moves there";
+  std::vector<Candidate> candidates;
+  if (config.rigid_parts) candidates = detector.ExamineParts(&detection.part_depth, &detection.notes);
+  // Beside parts the volume's maxima count where more key points are asked for than there are parts.
+  if (!config.rigid_parts || static_cast<int64_t>(candidates.size()) < config.count) {
+    for (Candidate& candidate : ExamineMaxima(detector, config, &detection)) {
+      if (config.rigid_parts && candidate.objection.empty()) candidate.objection = "no rigid part moves there";
       candidates.push_back(std::move(candidate));
     }
   }
@@ -400,7 +406,9 @@ Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const 
   Store(kept, detector, frames, &detection);
   if (kept.empty()) {
     detection.notes.push_back(
-        fmt::format("no moving part found among {} candidates: the scene looks static", candidates.size()));
+        config.rigid_parts
+            ? "no rigid part found that moves: the scene looks static"
+            : fmt::format("no moving part found among {} candidates: the scene looks static", candidates.size()));
   }
   return detection;
 }

@@ -3,37 +3,35 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
+#include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/progress.h"
 
 namespace editnerf {
 namespace {
 
 constexpr int kMostSeeds = 16;
-constexpr int kMostInVain = 4;         // seeds in a row that give nothing that weighs
-constexpr double kLeastWeight = 0.25;  // of the heaviest part's
-constexpr double kCrowd = 10;          // pixels at 320 wide around a seed in which tracks are counted
-constexpr int64_t kMostFrames = 40;    // that a track counts for
-constexpr double kSurround = 20;       // pixels at 320 wide within which a pixel must be surrounded by its part
-constexpr double kWidestGap = 2.6;     // radians without a neighbour
-constexpr double kSlack = 2.5;         // pixels at 320 wide between a part's point and its track
-constexpr float kTolerance = 0.01F;    // share of the distance
+constexpr int kMostInVain = 4;        // seeds in a row that give nothing that weighs
+constexpr double kLeastWeight = 0.3;  // of the heaviest part's
+constexpr double kLeastMotion = 2;    // pixels at 320 wide, over a few frames, that tell what moves as what
+constexpr double kSameMotion = 0.4;   // share of it by which the other's may differ
+constexpr double kSameShare = 0.2;    // of the places that move; parts of their own lie below 0.1
+constexpr double kCrowd = 10;         // pixels at 320 wide around a seed in which tracks are counted
+constexpr int64_t kMostFrames = 40;   // that a track counts for
+constexpr double kSurround = 20;      // pixels at 320 wide within which a pixel must be surrounded by its part
+constexpr double kWidestGap = 2.6;    // radians without a neighbour
+constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track
+constexpr double kMostCost = 16;      // of a pixel, in squares of that
+constexpr float kTolerance = 0.01F;   // share of the distance
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
-Vec3 ToVec3(const std::array<double, 3>& p) { return {p[0], p[1], p[2]}; }
 
 double Quantile(std::vector<double> values, double share) {
   if (values.empty()) return 0;
   const auto at = values.begin() + static_cast<int64_t>(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
   return *at;
-}
-
-std::vector<int64_t> SeenFrames(const RigidPart& part) {
-  std::vector<int64_t> frames;
-  for (size_t t = 0; t < part.seen.size(); ++t)
-    if (part.seen[t]) frames.push_back(static_cast<int64_t>(t));
-  return frames;
 }
 
 // Every few points, so that a part of a thousand costs what one of forty does.
@@ -51,6 +49,40 @@ double RangePixels(const Clip& clip, const RigidPart& part) {
   std::vector<double> ranges;
   for (const Vec3& point : SomePoints(part)) ranges.push_back(PointRange(part, point, frames));
   return Quantile(ranges, 0.5) * clip.cameras[0].focal_length / distance / clip.PixelScale();
+}
+
+// What a pixel off by so much costs, none more than kMostCost.
+double Cost(const Clip& clip, const Vec3& place, const Sighting& seen) {
+  const Projected at = Project(clip.cameras[At(seen.frame)], place);
+  if (!at.valid) return kMostCost;
+  const double off = Distance({at.u, at.v}, seen.pixel) / (kSlack * clip.PixelScale());
+  return std::min(off * off, kMostCost);
+}
+
+// How much better the moving part explains its tracks than a static point for each would.
+double GainOverStillness(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part, double near,
+                         double far) {
+  constexpr int64_t kSamples = 16;  // of each track
+  std::vector<double> gains(part.points.size(), 0);
+  ParallelFor(static_cast<int64_t>(part.points.size()), 4, [&](int64_t begin, int64_t end) {
+    for (int64_t k = begin; k < end; ++k) {
+      const PartPoint& point = part.points[At(k)];
+      for (const size_t i : point.tracks) {
+        const int64_t stride = std::max<int64_t>(1, (tracks[i].end() - tracks[i].first) / kSamples);
+        std::vector<Sighting> sightings;
+        double moving = 0;
+        for (int64_t t = tracks[i].first; t < tracks[i].end(); t += stride) {
+          if (!part.seen[At(t)]) continue;
+          sightings.push_back({t, tracks[i].At(t)});
+          moving += Cost(clip, part.Place(t, ToVec3(point.position)), sightings.back());
+        }
+        if (sightings.empty()) continue;
+        const double still = CostOfStillness(clip, sightings, near, far) * static_cast<double>(sightings.size());
+        gains[At(k)] += (still - moving) * static_cast<double>(stride);
+      }
+    }
+  });
+  return std::accumulate(gains.begin(), gains.end(), 0.0);
 }
 
 // The untaken track with the longest and most others around it.
@@ -107,27 +139,42 @@ bool Surrounded(const Pixel& p, const std::vector<Pixel>& others, double reach) 
 
 }  // namespace
 
-bool MovesAs(const Clip& clip, const RigidPart& part, const RigidPart& other) {
-  std::vector<int64_t> frames;
-  for (const int64_t t : SeenFrames(part))
-    if (other.seen[At(t)]) frames.push_back(t);
-  if (frames.size() < 5) return false;
-  // Seen from the cameras: two fits of one part may differ in how far away they have it.
-  std::vector<double> off, range;
-  for (const Vec3& point : SomePoints(part)) {
-    const Vec3 held = other.TakeBack(frames.front(), part.Place(frames.front(), point));
-    double u0 = NAN, v0 = NAN;
-    for (const int64_t t : frames) {
-      const Projected a = Project(clip.cameras[At(t)], part.Place(t, point));
-      const Projected b = Project(clip.cameras[At(t)], other.Place(t, held));
-      const Projected still = Project(clip.cameras[At(t)], part.Place(frames.front(), point));
-      if (!a.valid || !b.valid || !still.valid) continue;
-      u0 = a.u - still.u, v0 = a.v - still.v;
-      off.push_back(std::hypot(a.u - b.u, a.v - b.v));
-      range.push_back(std::hypot(u0, v0));
+double CostOfStillness(const Clip& clip, const std::vector<Sighting>& sightings, double near, double far) {
+  constexpr int kTrials = 40;
+  const Sighting& middle = sightings[sightings.size() / 2];
+  double least = INFINITY;
+  for (int i = 0; i < kTrials; ++i) {
+    const double distance = 1 / (1 / far + (1 / near - 1 / far) * i / (kTrials - 1));
+    const Vec3 held = clip.Lift(middle.frame, middle.pixel, distance);
+    double cost = 0;
+    for (const Sighting& sighting : sightings) cost += Cost(clip, held, sighting);
+    least = std::min(least, cost);
+  }
+  return least / static_cast<double>(sightings.size());
+}
+
+bool MovesAs(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part, const RigidPart& other) {
+  constexpr int64_t kLag = 3;
+  int64_t moving = 0, agree = 0;
+  for (const PartPoint& point : part.points) {
+    for (const size_t i : point.tracks) {
+      const FlowTrack& track = tracks[i];
+      for (int64_t t = track.first; t + kLag < track.end(); ++t) {
+        const int64_t next = t + kLag;
+        if (!part.seen[At(t)] || !other.seen[At(t)] || !other.seen[At(next)]) continue;
+        const double distance = Norm(part.Place(t, ToVec3(point.position)) - clip.cameras[At(t)].position);
+        const Vec3 place = clip.Lift(t, track.At(t), distance);
+        const Projected still = Project(clip.cameras[At(next)], place);
+        const Projected carried = Project(clip.cameras[At(next)], other.Place(next, other.TakeBack(t, place)));
+        if (!still.valid || !carried.valid) continue;
+        const double own = Distance({still.u, still.v}, track.At(next));
+        if (own < kLeastMotion * clip.PixelScale()) continue;
+        ++moving;
+        agree += Distance({carried.u, carried.v}, track.At(next)) < kSameMotion * own;
+      }
     }
   }
-  return Quantile(off, 0.5) < 0.5 * Quantile(range, 0.8);
+  return static_cast<double>(agree) > kSameShare * static_cast<double>(moving);
 }
 
 MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, DirectFlows* direct, double near,
@@ -153,8 +200,12 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
     if (!body) continue;
     MovingPart part;
     part.range = RangePixels(clip, *body);
-    part.weight = part.range * static_cast<double>(body->observations);
+    part.gain = GainOverStillness(clip, found.tracks, *body, near, far);
+    const double each = part.gain / static_cast<double>(body->observations);
+    part.weight = part.gain * (each / kMostCost) * (each / kMostCost);
+    if (each < kLeastGain) part.weight = 0;
     part.body = std::move(*body);
+    if (part.weight == 0) continue;
     if (part.weight > kLeastWeight * heaviest) in_vain = 0;
     if (part.weight > heaviest) {
       heaviest = part.weight;
@@ -168,7 +219,7 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
   std::vector<MovingPart> own;
   for (MovingPart& part : found.parts) {
     const bool again = std::any_of(own.begin(), own.end(), [&](const MovingPart& heavier) {
-      return MovesAs(clip, part.body, heavier.body);
+      return MovesAs(clip, found.tracks, part.body, heavier.body);
     });
     if (!again && part.weight >= kLeastWeight * heaviest) own.push_back(std::move(part));
   }

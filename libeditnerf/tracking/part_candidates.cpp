@@ -6,13 +6,12 @@
 namespace editnerf {
 namespace {
 
-constexpr double kFarShare = 0.8;     // of the range that a tenth of the points exceeds
-constexpr double kBeside = 8;         // pixels at 320 wide
-constexpr double kMostBeside = 8;     // neighbours that count
-constexpr double kSameDepth = 0.05;   // share of the distance within which a neighbour is the same side of the part
+constexpr double kFarShare = 0.8;    // of the range that a tenth of the points exceeds
+constexpr double kBeside = 8;        // pixels at 320 wide
+constexpr double kMostBeside = 8;    // neighbours that count
+constexpr double kSameDepth = 0.05;  // share of the distance within which a neighbour is the same side of the part
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
-Vec3 ToVec3(const std::array<double, 3>& p) { return {p[0], p[1], p[2]}; }
 
 class PartView {
  public:

@@ -7,31 +7,32 @@
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/interrupt.h"
+#include "libeditnerf/tracking/part_scale.h"
+#include "libeditnerf/tracking/patches.h"
 #include "libeditnerf/tracking/propagation.h"
 
 namespace editnerf {
 namespace {
 
-constexpr double kSeedRadius = 24;   // pixels at 320 wide
-constexpr size_t kSeedTracks = 24;   // the nearest
+constexpr double kSeedRadius = 24;  // pixels at 320 wide
+constexpr size_t kSeedTracks = 24;  // the nearest
 constexpr size_t kLeastPoints = 6;
-constexpr double kInlier = 2.5;        // pixels at 320 wide
-constexpr double kInlierShare = 0.7;   // of a track's pixels
-constexpr double kAdjacent = 16;       // pixels at 320 wide, to a point of the part
-constexpr int kBlock = 8;              // frames added at each end between solutions
-constexpr int64_t kLeastSeen = 4;      // points in a frame
-constexpr int64_t kLeastOverlap = 6;   // frames of a track that joins
+constexpr double kInlier = 2.5;                      // pixels at 320 wide
+constexpr double kInlierShare = 0.7;                 // of a track's pixels
+constexpr double kAdjacent = 16;                     // pixels at 320 wide, to a point of the part
+constexpr int kBlock = 8;                            // frames added at each end between solutions
+constexpr int64_t kLeastSeen = 4;                    // points in a frame
+constexpr int64_t kLeastOverlap = 6;                 // frames of a track that joins
 constexpr size_t kFewPoints = 40, kMostPoints = 90;  // in a solution on the way, and in the last ones
 constexpr int kFewIterations = 15;
 constexpr double kNearest = 0.75, kFarthest = 1.33;  // of a point, as a share of the part's distance
 constexpr int64_t kLookEvery = 5, kLookFrom = 5;     // lost frames looked at, and frames looked from
 constexpr size_t kLeastFound = 8;
 constexpr double kLeastFoundShare = 0.4, kFoundSimilarity = 0.75, kFoundError = 2;  // pixels at 320 wide
-constexpr double kTurnsNeeded = 1.2;  // times the mean miss that turns must save
+constexpr double kTurnsNeeded = 1.2;  // times the mean miss: what leaving out the turns may cost
+constexpr double kKeptWithout = 0.9;  // of the pixels that must go on to follow the part
 
 size_t At(int64_t t) { return static_cast<size_t>(t); }
-Vec3 ToVec3(const std::array<double, 3>& p) { return {p[0], p[1], p[2]}; }
-std::array<double, 3> ToArray(const Vec3& p) { return {p.x, p.y, p.z}; }
 
 double Median(std::vector<double>* values) {
   const auto middle = values->begin() + static_cast<int64_t>(values->size() / 2);
@@ -307,7 +308,8 @@ class Growth {
     }
   }
 
-  bool Beside(const std::vector<PartPoint>& points, const FlowTrack& track, std::initializer_list<int64_t> frames) const {
+  bool Beside(const std::vector<PartPoint>& points, const FlowTrack& track,
+              std::initializer_list<int64_t> frames) const {
     for (const int64_t t : frames) {
       for (const PartPoint& point : points) {
         const FlowTrack* other = TrackIn(point, t);
@@ -317,105 +319,85 @@ class Growth {
     return false;
   }
 
-  struct Sighting {
+  struct Find {
     int64_t from = 0, to = 0;
     size_t tried = 0;
     std::vector<std::pair<size_t, Pixel>> found;  // points, and where they are
   };
 
-  Sighting Look(int64_t from, int64_t to) {
-    Sighting sighting = {from, to, 0, {}};
-    for (size_t i = 0; i < part_.points.size() && sighting.tried < kFewPoints; ++i) {
+  Find Look(int64_t from, int64_t to) {
+    Find find = {from, to, 0, {}};
+    for (size_t i = 0; i < part_.points.size() && find.tried < kFewPoints; ++i) {
       const FlowTrack* track = TrackIn(part_.points[i], from);
       if (!track) continue;
-      ++sighting.tried;
+      ++find.tried;
       const DirectFlows::Match match = direct_->Find(from, to, track->At(from));
       if (!match.valid || match.error > kFoundError * clip_.PixelScale() || !clip_.Inside(match.pixel)) continue;
       if (PatchSimilarity(clip_.gray[At(from)], track->At(from), clip_.gray[At(to)], match.pixel, PatchRadius(clip_)) >=
           kFoundSimilarity) {
-        sighting.found.emplace_back(i, match.pixel);
+        find.found.emplace_back(i, match.pixel);
       }
     }
-    return sighting;
+    return find;
   }
 
-  // Direct flow from frames that see the part into those in which it is lost; the best sighting is taken.
+  // Direct flow from frames that see the part into those in which it is lost; the best find is taken.
   bool LookAgain() {
     const std::vector<int64_t> seen = SeenFrames();
     const int64_t stride = std::max<int64_t>(1, static_cast<int64_t>(seen.size()) / kLookFrom);
-    std::vector<Sighting> sightings;
+    std::vector<Find> finds;
     for (int64_t t = 0; t < clip_.num_frames(); ++t) {
       const bool lost = !part_.seen[At(t)] && (looked_.empty() || !looked_[At(t)]);
       if (!lost || t % kLookEvery != 0) continue;
       if (looked_.empty()) looked_.assign(At(clip_.num_frames()), false);
-      Sighting best;
+      Find best;
       for (size_t i = 0; i < seen.size(); i += At(stride)) {
-        Sighting sighting = Look(seen[i], t);
-        if (sighting.found.size() > best.found.size()) best = std::move(sighting);
+        Find find = Look(seen[i], t);
+        if (find.found.size() > best.found.size()) best = std::move(find);
       }
       looked_[At(t)] = true;
       if (best.found.size() >= kLeastFound &&
           static_cast<double>(best.found.size()) >= kLeastFoundShare * static_cast<double>(best.tried)) {
-        sightings.push_back(std::move(best));
+        finds.push_back(std::move(best));
       }
     }
-    std::stable_sort(sightings.begin(), sightings.end(),
-                     [](const Sighting& a, const Sighting& b) { return a.found.size() > b.found.size(); });
+    std::stable_sort(finds.begin(), finds.end(),
+                     [](const Find& a, const Find& b) { return a.found.size() > b.found.size(); });
     bool any = false;
-    for (const Sighting& sighting : sightings)
-      if (!part_.seen[At(sighting.to)] && TakeUp(sighting)) any = true;
+    for (const Find& find : finds)
+      if (!part_.seen[At(find.to)] && TakeUp(find)) any = true;
     return any;
   }
 
-  bool TakeUp(const Sighting& sighting) {
+  bool TakeUp(const Find& find) {
     const std::vector<PartPoint> before = part_.points;
-    for (const auto& [i, pixel] : sighting.found) {
-      if (TrackIn(part_.points[i], sighting.to)) continue;
+    for (const auto& [i, pixel] : find.found) {
+      if (TrackIn(part_.points[i], find.to)) continue;
       part_.points[i].tracks.push_back(tracks_.size());
-      tracks_.push_back(FollowPixel(clip_, sighting.to, pixel));
+      tracks_.push_back(FollowPixel(clip_, find.to, pixel));
       taken_.push_back(false);
       refused_.push_back(0);
     }
-    if (Extend(sighting.to, sighting.from)) return true;
+    if (Extend(find.to, find.from)) return true;
     part_.points = before;
     return false;
   }
 
-  // How far the part's centre goes, all in all, at s times its distance.
-  double PathLength(double s) const {
-    double length = 0;
-    const std::vector<int64_t> frames = SeenFrames();
-    for (size_t i = 0; i + 1 < frames.size(); ++i) {
-      const auto place = [&](int64_t t) {
-        const Vec3& eye = clip_.cameras[At(t)].position;
-        return eye + (placement_[At(t)].center - eye) * s;
-      };
-      length += Norm(place(frames[i + 1]) - place(frames[i]));
-    }
-    return length;
-  }
-
-  // The distance at which the part has the shortest way to go.
   void Settle() {
-    constexpr int kSteps = 80;
-    double best = 1, least = INFINITY;
-    for (int i = -kSteps; i <= kSteps; ++i) {
-      const double s = std::exp(i * std::log(2.2) / kSteps), length = PathLength(s);
-      if (length < least) least = length, best = s;
-    }
-    part_ = ScaledFromCameras(clip_, part_, best);
+    part_ = ScaledFromCameras(clip_, part_, ShortestWay(clip_, tracks_, part_));
     UpdatePlacements();
   }
 
+  // A part that needs no turns has none: flow's errors would be explained by them.
   void LeaveOutTurns() {
     const RigidPart turning = part_;
     const int64_t turned = Observations();
-    const double tm = MeanMiss();
+    const double miss = MeanMiss();
     for (RigidPose& pose : part_.pose) pose.rotation = {0, 0, 0};
     options_.turns = false;
     const bool solved = Solve(kMostPoints, options_.iterations);
-    fprintf(stderr, "turn obs %ld miss %.3f, without %ld %.3f\n", turned, tm, Observations(), MeanMiss());
-    if (solved && static_cast<double>(Observations()) >= 0.9 * static_cast<double>(turned) && MeanMiss() < kTurnsNeeded * tm) {
+    if (solved && MeanMiss() < kTurnsNeeded * miss &&
+        static_cast<double>(Observations()) >= kKeptWithout * static_cast<double>(turned)) {
       Join();
       Settle();
       return;
@@ -433,8 +415,9 @@ class Growth {
     const std::vector<int64_t> seen = SeenFrames();
     for (int64_t t = 0; t < clip_.num_frames(); ++t) {
       const auto after = std::lower_bound(seen.begin(), seen.end(), t);
-      const int64_t nearest = after == seen.end() ? seen.back()
-                              : after == seen.begin() || *after - t < t - *(after - 1) ? *after : *(after - 1);
+      const int64_t nearest = after == seen.end()                                      ? seen.back()
+                              : after == seen.begin() || *after - t < t - *(after - 1) ? *after
+                                                                                       : *(after - 1);
       if (!part_.seen[At(t)]) part_.pose[At(t)] = part_.pose[At(nearest)];
     }
   }
@@ -457,19 +440,6 @@ std::optional<RigidPart> GrowPart(const Clip& clip, DirectFlows* direct, const P
                                   std::vector<FlowTrack>* tracks, std::vector<bool>* taken,
                                   const PartSolverOptions& options) {
   return Growth(clip, direct, tracks, taken, options).Run(seed);
-}
-
-RigidPart ScaledFromCameras(const Clip& clip, const RigidPart& part, double s) {
-  RigidPart scaled = part;
-  const Vec3 eye = clip.cameras[At(part.reference)].position;
-  const auto farther = [s](const Vec3& from, const Vec3& p) { return from + (p - from) * s; };
-  scaled.center = farther(eye, part.center);
-  for (PartPoint& point : scaled.points) point.position = ToArray(farther(eye, ToVec3(point.position)));
-  for (int64_t t = 0; t < clip.num_frames(); ++t) {
-    const Vec3 center = farther(clip.cameras[At(t)].position, part.Place(t, part.center));
-    scaled.pose[At(t)].translation = ToArray(center - scaled.center);
-  }
-  return scaled;
 }
 
 }  // namespace editnerf

@@ -1,6 +1,6 @@
 // One rigid part among the flow tracks, grown from a pixel: over the frames as structure from motion adds cameras, and
 // over the tracks around that follow the same motion. Where all its tracks have ended it is looked for again by direct
-// flow. At last its distance from the cameras is settled (rigid_part.h) and turns are left out where it needs none.
+// flow. At last its distance from the cameras is settled (part_scale.h) and turns are left out where it needs none.
 #pragma once
 
 #include <optional>
@@ -21,8 +21,5 @@ struct PartSeed {
 std::optional<RigidPart> GrowPart(const Clip& clip, DirectFlows* direct, const PartSeed& seed,
                                   std::vector<FlowTrack>* tracks, std::vector<bool>* taken,
                                   const PartSolverOptions& options = {});
-
-// The part at s times the distance from every camera: the images are the same.
-RigidPart ScaledFromCameras(const Clip& clip, const RigidPart& part, double s);
 
 }  // namespace editnerf

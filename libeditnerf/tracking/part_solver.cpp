@@ -9,9 +9,9 @@
 namespace editnerf {
 namespace {
 
-constexpr double kRobustScale = 1.5;   // standard deviations
+constexpr double kRobustScale = 1.5;     // standard deviations
 constexpr double kTotalVariation = 0.3;  // standard deviations from which motion counts by its length
-constexpr double kIndependent = 8;  // pixels that a track counts for at most: its errors go on from frame to frame
+constexpr double kIndependent = 8;       // pixels that a track counts for at most: its errors go on from frame to frame
 
 size_t At(int64_t t) { return static_cast<size_t>(t); }
 
@@ -110,21 +110,21 @@ class Solver {
       if (i == 0 || frames[i - 1] != a - 1 || b != a + 1) continue;
       problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<AccelerationTerm, 3, 3, 3, 3>(
                                     new AccelerationTerm{1 / (options_.acceleration_pixels * per_pixel_)}),
-                                new ceres::HuberLoss(kRobustScale), Translation(a - 1), Translation(a),
-                                Translation(b));
+                                new ceres::HuberLoss(kRobustScale), Translation(a - 1), Translation(a), Translation(b));
     }
   }
 
   void AddTurn(int64_t a, int64_t b) {
-    problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<DifferenceTerm, 3, 3, 3>(new DifferenceTerm{1 / options_.turn}),
-                              new ceres::HuberLoss(kTotalVariation), Rotation(a), Rotation(b));
+    problem_.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<DifferenceTerm, 3, 3, 3>(new DifferenceTerm{1 / options_.turn}),
+        new ceres::HuberLoss(kTotalVariation), Rotation(a), Rotation(b));
   }
 
   void AddShape() {
     for (PartPoint& point : part_.points)
-      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<NearTerm, 3, 3>(
-                                    new NearTerm{part_.center, 1 / (options_.shape * distance_)}),
-                                nullptr, point.position.data());
+      problem_.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<NearTerm, 3, 3>(new NearTerm{part_.center, 1 / (options_.shape * distance_)}),
+          nullptr, point.position.data());
   }
 
   void Hold(double* block) {

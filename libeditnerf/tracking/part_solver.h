@@ -10,9 +10,9 @@
 
 namespace editnerf {
 
-// Standard deviations; pixels refer to an image 320 wide and become scene units at the part's distance. Shifts and turns
-// count by their length, not its square: a part rests, or it moves. That also settles how far it is: at a wrong distance
-// it would have to follow the camera.
+// Standard deviations; pixels refer to an image 320 wide and become scene units at the part's distance. Shifts and
+// turns count by their length, not its square: a part rests, or it moves. That also settles how far it is: at a wrong
+// distance it would have to follow the camera.
 struct PartSolverOptions {
   double flow_pixels = 1.0;          // of a tracked pixel
   double acceleration_pixels = 2.0;  // of the part's centre, a frame and frame
@@ -21,7 +21,7 @@ struct PartSolverOptions {
   double shape = 0.15;               // of a point from the part's centre, as a share of the part's distance
   bool turns = true;                 // false: the rotations stay what they are
   int iterations = 25;
-  int64_t look_again_from = 0;       // observations from which a lost part is looked for again: that takes its time
+  int64_t look_again_from = 0;  // observations from which a lost part is looked for again: that takes its time
 };
 
 // Frame t's pose alone, from the part's points seen there; begins from the pose that is there. `towards`: a frame from

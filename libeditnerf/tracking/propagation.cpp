@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/tracking/patches.h"
 
 namespace editnerf {
 namespace {

@@ -25,6 +25,13 @@ Vec3 RigidPart::TakeBack(int64_t t, const Vec3& point) const {
   return {turned[0] + center.x, turned[1] + center.y, turned[2] + center.z};
 }
 
+std::vector<int64_t> SeenFrames(const RigidPart& part) {
+  std::vector<int64_t> frames;
+  for (size_t t = 0; t < part.seen.size(); ++t)
+    if (part.seen[t]) frames.push_back(static_cast<int64_t>(t));
+  return frames;
+}
+
 double PointRange(const RigidPart& part, const Vec3& position, const std::vector<int64_t>& frames) {
   if (frames.empty()) return 0;
   std::vector<double> x, y, z, distance;

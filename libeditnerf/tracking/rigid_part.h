@@ -1,7 +1,7 @@
 // A part that moves as one rigid body: its way through the frames, and the points on its surface that show it.
 //
-// With the cameras known, flow tracks on a rigid part give its shape and its motion as structure from motion does, up to
-// one number: were the part s times as far from every camera, and s times as large, the images would be the same
+// With the cameras known, flow tracks on a rigid part give its shape and its motion as structure from motion does, up
+// to one number: were the part s times as far from every camera, and s times as large, the images would be the same
 // (the monocular ambiguity; Ozden et al., ICCV 2004, choose s so that the part does not follow the camera).
 #pragma once
 
@@ -36,6 +36,11 @@ struct RigidPart {
   Vec3 Place(int64_t t, const Vec3& position) const;
   Vec3 TakeBack(int64_t t, const Vec3& point) const;
 };
+
+inline Vec3 ToVec3(const std::array<double, 3>& p) { return {p[0], p[1], p[2]}; }
+inline std::array<double, 3> ToArray(const Vec3& p) { return {p.x, p.y, p.z}; }
+
+std::vector<int64_t> SeenFrames(const RigidPart& part);  // in time order
 
 // How far a point goes: the 95th percentile of its distances from its median place, over the given frames; scene units.
 double PointRange(const RigidPart& part, const Vec3& position, const std::vector<int64_t>& frames);

@@ -13,6 +13,7 @@ namespace {
 
 DetectionConfig SmallConfig() {
   DetectionConfig config;
+  config.rigid_parts = false;
   config.volume_resolution = 48;
   config.min_observations = 3;
   config.skip_interval = 15;
