@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "libeditnerf/base/phase_clock.h"
 #include "libeditnerf/kernels/gradient.h"
 #include "libeditnerf/kernels/hash_level.h"
 #include "libeditnerf/kernels/tile_functions.h"
@@ -60,6 +61,7 @@ FieldKernel::FieldKernel(const FusedField& field, const FusedStates& states)
 }
 
 void FieldKernel::Encode(const FusedHash& hash, const float* unit, int64_t count, float* out) const {
+  const ThreadPhase phase(Phase::kEncoding);
   const int64_t table_size = hash.table.size(1);
   const float* const table = hash.table.data_ptr<float>();
   const HashPoints points = {count, {TileRow(unit, 0), TileRow(unit, 1), TileRow(unit, 2)}};
@@ -179,6 +181,7 @@ void FieldKernel::KeyPointsBackward(int64_t count, const float* grad_ambient, Ti
   float* const axes[3] = {grad_anchor, TileRow(grad_anchor, 1), TileRow(grad_anchor, 2)};
   for (float* const axis : axes) std::fill_n(axis, kTile, 0.0F);
   if (rows_.local_features > 0) {
+    const ThreadPhase phase(Phase::kTableGradients);
     const int64_t table_size = field_.local.table.size(1);
     const float* const table = field_.local.table.data_ptr<float>();
     const HashPoints points = {count, {tile.Row(rows_.local), tile.Row(rows_.local + 1), tile.Row(rows_.local + 2)}};

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "libeditnerf/base/phase_clock.h"
 #include "libeditnerf/kernels/harmonics.h"
 #include "libeditnerf/kernels/tile_functions.h"
 
@@ -117,6 +118,7 @@ void RayShading::Train(const FieldKernel& field, const BundledRays& rays, const 
                        RayLossSums* sums) {
   const FieldRows& rows = field.rows();
   Color(field, rays, bundle);
+  const ThreadPhase phase(Phase::kCompositing);
   Composite(rows, rays, /*with_color=*/true, bundle);
   delta_ = rays.delta;
   std::fill_n(pull_.begin(), bundle.num_samples(), 0.0F);
@@ -186,6 +188,7 @@ int64_t RayShading::Show(const FieldKernel& field, const BundledRays& rays, cons
   const FieldRows& rows = field.rows();
   const bool with_color = picture.rgb != nullptr;
   if (with_color) Color(field, rays, bundle);
+  const ThreadPhase phase(Phase::kCompositing);
   Composite(rows, rays, with_color, bundle);
   for (int64_t r = 0; r < bundle.num_rays(); ++r) {
     const int64_t ray = bundle.Ray(r);

@@ -16,6 +16,7 @@
 #include "libeditnerf/scene/packed_scene.h"
 #include "libeditnerf/tracking/clip.h"
 #include "libeditnerf/tracking/still_depth.h"
+#include "libeditnerf/training/memory_plan.h"
 #include "libeditnerf/training/trainer.h"
 
 namespace editnerf {
@@ -72,6 +73,7 @@ Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage
     loaded.run = MakeRun(request.config, stage, scene, tracks, request.device);
   }
   loaded.run.scene_path = fs::absolute(request.scene_folder).lexically_normal().string();
+  LogInfo("{}", ToText(PlanMemory(loaded.run, scene)));
   Trainer trainer(loaded.run, scene, std::move(supervision), request.out);
   trainer.SetDepthTargets(depth);
   if (resumed) trainer.Resume(loaded.extra);
