@@ -37,7 +37,7 @@ int64_t RayBundle::Fill(const FieldKernel& field, const BundledRays& rays, bool 
       const float* const anchor = rays.local_grid != nullptr ? field.KeyPoints(rays.state[first]) : nullptr;
       Active ray;
       ray.cursor = RayCursor(*rays.grid, rays.local_grid, rays.steps, rays.origin + 3 * first,
-                             rays.direction + 3 * first, anchor, rays.jitter[first]);
+                             rays.direction + 3 * first, anchor, rays.jitter[first], rays.FirstSample(first));
       ray.slot = static_cast<int32_t>(rays_.size());
       active_.push_back(ray);
       rays_.push_back(first++);

@@ -153,6 +153,7 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
     const FrameStates states = run.field->States(torch::tensor({t}, torch::kInt64).to(run.device));
     ImageOptions options;
     options.tensor = torch::TensorOptions(torch::kFloat32).device(run.device);
+    options.exact = true;  // detection stands on it
     options.depth_only = run.config.render.sampler == "occupancy";
     options.march_steps = kFinerSurfaces * run.config.render.march_steps;
     const RenderedImage image =
