@@ -146,7 +146,16 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
   };
   run.field->eval();
   PretrainedMaps maps;
-  std::vector<torch::Tensor> depth, ambient, canonical;
+  // Written in place: a list of all maps and their stack would take twice the memory, which long sequences do not have.
+  const auto store = [&](const torch::Tensor& map, int64_t t, torch::Tensor* all) {
+    const torch::Tensor enlarged = Enlarge(map.to(torch::kCPU), height, width);
+    if (!all->defined()) {
+      std::vector<int64_t> shape = enlarged.sizes().vec();
+      shape.insert(shape.begin(), count);
+      *all = torch::empty(shape, enlarged.options());
+    }
+    all->select(0, t).copy_(enlarged);
+  };
   Progress bar("surfaces", static_cast<double>(count));
   for (int64_t t = 0; t < count; ++t) {
     const Camera& camera = scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(t)])].camera;
@@ -159,16 +168,12 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
     const RenderedImage image =
         RenderImage(*run.field, *run.renderer, factor < 1 ? camera.Resized(reduced(width), reduced(height)) : camera,
                     states, options);
-    const auto full = [&](const torch::Tensor& map) { return Enlarge(map.to(torch::kCPU), height, width); };
-    depth.push_back(full(image.depth));
-    ambient.push_back(full(image.ambient));
-    if (run.config.field.warp.enabled) canonical.push_back(full(image.x_canonical));
+    store(image.depth, t, &maps.depth);
+    store(image.ambient, t, &maps.ambient);
+    if (run.config.field.warp.enabled) store(image.x_canonical, t, &maps.x_canonical);
     bar.Update(static_cast<double>(t + 1));
   }
   bar.Finish();
-  maps.depth = torch::stack(depth);
-  maps.ambient = torch::stack(ambient);
-  if (!canonical.empty()) maps.x_canonical = torch::stack(canonical);
   return maps;
 }
 
