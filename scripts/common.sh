@@ -25,7 +25,7 @@ build() {  # PRESET [TARGET...]
 
 # All C++ sources that git tracks, or, outside a checkout, all there are.
 sources() {
-  git ls-files -- '*.h' '*.cpp' 2>/dev/null || find libeditnerf apps tests benchmarks -name '*.h' -o -name '*.cpp'
+  git ls-files -- '*.h' '*.cpp' 2>/dev/null || find libeditnerf apps tests -name '*.h' -o -name '*.cpp'
 }
 
 # Versions of clang-format disagree about braces in arguments, so one of them decides.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "libeditnerf/base/phase_clock.h"
 #include "libeditnerf/kernels/gradient.h"
 #include "libeditnerf/kernels/hash_level.h"
 #include "libeditnerf/kernels/tile_functions.h"
@@ -60,6 +61,7 @@ FieldKernel::FieldKernel(const FusedField& field, const FusedStates& states)
 }
 
 void FieldKernel::Encode(const FusedHash& hash, const float* unit, int64_t count, float* out) const {
+  const ThreadPhase phase(Phase::kEncoding);
   const int64_t table_size = hash.table.size(1);
   const float* const table = hash.table.data_ptr<float>();
   const HashPoints points = {count, {TileRow(unit, 0), TileRow(unit, 1), TileRow(unit, 2)}};
@@ -67,6 +69,28 @@ void FieldKernel::Encode(const FusedHash& hash, const float* unit, int64_t count
     const auto level = static_cast<int64_t>(l);
     EncodeHashLevel(points, {hash.resolutions[l], table_size}, table + 2 * level * table_size, TileRow(out, 2 * level),
                     TileRow(out, 2 * level + 1));
+  }
+}
+
+// The local features, but nothing is looked up for vectors of samples that all lie outside the local cube (fade 0): in
+// pictures, where neighbours lie side by side, that is often the half of them.
+void FieldKernel::EncodeWithin(const float* fade, const float* unit, int64_t count, float* out) const {
+  constexpr int64_t kGroup = 16;
+  const int64_t padded = PaddedSamples(count);
+  const auto is_outside = [&](int64_t s) {
+    return std::all_of(fade + s, fade + std::min(s + kGroup, count), [](float share) { return share == 0; });
+  };
+  for (int64_t begin = 0; begin < padded;) {
+    const bool outside = is_outside(begin);
+    int64_t end = begin + kGroup;
+    while (end < padded && is_outside(end) == outside) end += kGroup;
+    if (outside) {
+      for (int64_t row = 0; row < rows_.local_features; ++row)
+        std::fill(TileRow(out, row) + begin, TileRow(out, row) + end, 0.0F);
+    } else {
+      Encode(field_.local, unit + begin, std::min(end, count) - begin, out + begin);
+    }
+    begin = end;
   }
 }
 
@@ -110,7 +134,7 @@ void FieldKernel::Density(const int32_t* state, int64_t count, TileMemory& tile)
     float* const encoded = TileRow(features, rows_.canonical_features);
     LocalCoordinates(x, tile.Row(rows_.anchor), field_.local_side, field_.fade_margin, count, tile.Row(rows_.local),
                      tile.Row(rows_.fade));
-    Encode(field_.local, tile.Row(rows_.local), count, encoded);
+    EncodeWithin(tile.Row(rows_.fade), tile.Row(rows_.local), count, encoded);
     ScaleRows(tile.Row(rows_.fade), rows_.local_features, count, encoded);
   }
   if (field_.ambient_dim > 0) {
@@ -179,6 +203,7 @@ void FieldKernel::KeyPointsBackward(int64_t count, const float* grad_ambient, Ti
   float* const axes[3] = {grad_anchor, TileRow(grad_anchor, 1), TileRow(grad_anchor, 2)};
   for (float* const axis : axes) std::fill_n(axis, kTile, 0.0F);
   if (rows_.local_features > 0) {
+    const ThreadPhase phase(Phase::kTableGradients);
     const int64_t table_size = field_.local.table.size(1);
     const float* const table = field_.local.table.data_ptr<float>();
     const HashPoints points = {count, {tile.Row(rows_.local), tile.Row(rows_.local + 1), tile.Row(rows_.local + 2)}};

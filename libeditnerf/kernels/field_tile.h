@@ -56,6 +56,7 @@ class FieldKernel {
   void Anchors(const int32_t* state, int64_t count, TileMemory& tile) const;
   void Slices(const int32_t* state, int64_t count, TileMemory& tile) const;
   void Encode(const FusedHash& hash, const float* unit, int64_t count, float* out) const;
+  void EncodeWithin(const float* fade, const float* unit, int64_t count, float* out) const;
   void KeyPointsBackward(int64_t count, const float* grad_ambient, TileMemory& tile, float* scratch, FieldSums& sums,
                          const TileGradients& to) const;
 

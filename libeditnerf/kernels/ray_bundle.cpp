@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "libeditnerf/base/phase_clock.h"
 #include "libeditnerf/kernels/tile_layout.h"
 
 namespace editnerf {
@@ -36,7 +37,7 @@ int64_t RayBundle::Fill(const FieldKernel& field, const BundledRays& rays, bool 
       const float* const anchor = rays.local_grid != nullptr ? field.KeyPoints(rays.state[first]) : nullptr;
       Active ray;
       ray.cursor = RayCursor(*rays.grid, rays.local_grid, rays.steps, rays.origin + 3 * first,
-                             rays.direction + 3 * first, anchor, rays.jitter[first]);
+                             rays.direction + 3 * first, anchor, rays.jitter[first], rays.FirstSample(first));
       ray.slot = static_cast<int32_t>(rays_.size());
       active_.push_back(ray);
       rays_.push_back(first++);
@@ -57,6 +58,7 @@ int64_t RayBundle::Fill(const FieldKernel& field, const BundledRays& rays, bool 
 
 // The next samples of every active ray, side by side in the wave.
 void RayBundle::AskForSamples(const BundledRays& rays) {
+  const ThreadPhase phase(Phase::kMarching);
   float *const t = wave_.memory.Row(rows_.t), *const slot = wave_.memory.Row(rows_.slot);
   float* const x = wave_.memory.Row(rows_.x);
   int64_t count = 0;
@@ -90,6 +92,7 @@ void RayBundle::StopRays(double opaque, float delta) {
 }
 
 void RayBundle::KeepSamples(const std::vector<RowRange>& kept_rows) {
+  const ThreadPhase phase(Phase::kMarching);
   const auto last = static_cast<size_t>(num_samples_ / kTile);
   while (tiles_.size() < last + 2) tiles_.push_back(std::make_unique<Tile>(rows_.count));
   const int64_t at = num_samples_ % kTile;
@@ -103,6 +106,7 @@ void RayBundle::KeepSamples(const std::vector<RowRange>& kept_rows) {
 
 // By ray; those of each ray were kept in their order.
 void RayBundle::SortSamples() {
+  const ThreadPhase phase(Phase::kMarching);
   offsets_.assign(rays_.size() + 1, 0);
   order_.resize(static_cast<size_t>(num_samples_));
   for (int64_t i = 0; i < num_tiles(); ++i) {

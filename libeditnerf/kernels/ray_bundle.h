@@ -5,7 +5,10 @@
 // stays in the tiles for colours and gradients; samples behind the end of a ray are squeezed out.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "libeditnerf/kernels/field_tile.h"
@@ -17,12 +20,22 @@ struct BundledRays {
   int64_t count = 0;
   const float *origin = nullptr, *direction = nullptr;  // [R, 3]
   const float* jitter = nullptr;                        // [R]
-  const int64_t* state = nullptr;                       // [R], rows of the field's states
+  const float* start = nullptr;    // [R], distance before which there is nothing to see; nullptr: look everywhere
+  const int64_t* state = nullptr;  // [R], rows of the field's states
   const MarchedGrid* grid = nullptr;
   const MarchedGrid* local_grid = nullptr;  // over x - p, for one key point; nullptr: none
   MarchedSteps steps;
   float delta = 0;        // length of a step
   double early_stop = 0;  // transmittance at which a ray ends; 0: never
+
+  // The first sample that is looked at: a few before `start`, as it may be known from neighbours only. None, where it
+  // is infinite.
+  int64_t FirstSample(int64_t ray) const {
+    constexpr int64_t kEarlier = 2;
+    if (start == nullptr) return 0;
+    if (std::isinf(start[ray])) return steps.count;
+    return std::max<int64_t>(0, steps.SampleBehind(start[ray], jitter[ray]) - kEarlier);
+  }
 };
 
 class RayBundle {

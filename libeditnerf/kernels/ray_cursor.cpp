@@ -61,8 +61,8 @@ int64_t RayInGrid::Next(int64_t i, int64_t last, const float x[3]) const {
 }
 
 RayCursor::RayCursor(const MarchedGrid& grid, const MarchedGrid* local, const MarchedSteps& steps, const float* origin,
-                     const float* direction, const float* anchor, float jitter)
-    : steps_(&steps), origin_(origin), direction_(direction), jitter_(jitter), last_(steps.count) {
+                     const float* direction, const float* anchor, float jitter, int64_t first_sample)
+    : steps_(&steps), origin_(origin), direction_(direction), jitter_(jitter), next_(first_sample), last_(steps.count) {
   static constexpr float kNoAnchor[3] = {};
   const double first = steps.Position(0, jitter);
   views_[num_views_++] = RayInGrid(grid, origin, direction, kNoAnchor, first, steps.step);

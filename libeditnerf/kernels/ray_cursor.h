@@ -57,15 +57,21 @@ struct MarchedSteps {
         step((static_cast<float>(to) - static_cast<float>(from)) / static_cast<float>(steps)),
         count(steps) {}
 
+  // The first sample at or behind t, at most `count`.
+  int64_t SampleBehind(float t, float jitter) const {
+    const float i = std::ceil((t - near) / step - jitter);
+    return i > 0 ? static_cast<int64_t>(std::min(i, static_cast<float>(count))) : 0;
+  }
   float Position(int64_t i, float jitter) const { return near + (static_cast<float>(i) + jitter) * step; }
 };
 
 class RayCursor {
  public:
   RayCursor() = default;
-  // `local` may be nullptr, and so may `anchor` then. The pointers' targets must outlive this.
+  // `local` may be nullptr, and so may `anchor` then. The pointers' targets must outlive this. Samples before number
+  // `first` are passed over.
   RayCursor(const MarchedGrid& grid, const MarchedGrid* local, const MarchedSteps& steps, const float* origin,
-            const float* direction, const float* anchor, float jitter);
+            const float* direction, const float* anchor, float jitter, int64_t first = 0);
 
   // The number of the next occupied sample, with its distance and position; -1 where there is none.
   int64_t Next(float* t, float x[3]);

@@ -4,8 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include "libeditnerf/base/phase_clock.h"
 #include "libeditnerf/kernels/harmonics.h"
 #include "libeditnerf/kernels/tile_functions.h"
+#include "libeditnerf/kernels/tile_layout.h"
 
 namespace editnerf {
 
@@ -21,43 +23,116 @@ void RayShading::Resize(int64_t samples) {
   const auto size = static_cast<size_t>(PaddedSamples(samples));
   if (t_.size() >= size) return;
   for (auto* values : {&t_, &density_, &tau_, &before_, &light_, &weight_, &rgb_[0], &rgb_[1], &rgb_[2], &to_weight_,
-                       &to_density_, &pull_}) {
+                       &to_density_, &pull_, &shown_}) {
     values->resize(size);
   }
 }
 
-void RayShading::Color(const FieldKernel& field, const BundledRays& rays, RayBundle& bundle) {
-  const FieldRows& rows = field.rows();
-  if (field.field().use_direction) {
-    harmonics_.resize(static_cast<size_t>(bundle.num_rays() * kNumHarmonics));
-    for (int64_t r = 0; r < bundle.num_rays(); ++r) {
-      const float* const d = rays.direction + 3 * bundle.Ray(r);
-      const auto values = Harmonics<double>(d[0], d[1], d[2], 1.0);
-      std::copy(values.begin(), values.end(), harmonics_.begin() + r * kNumHarmonics);
-    }
-  }
-  for (int64_t i = 0; i < bundle.num_tiles(); ++i) {
-    RayBundle::Tile& tile = bundle.tile(i);
-    const float* const slots = tile.memory.Row(rows.slot);
-    for (int64_t s = 0; s < tile.count; ++s) {
-      const auto slot = static_cast<int64_t>(slots[s]);
-      tile.state[s] = static_cast<int32_t>(rays.state[bundle.Ray(slot)]);
-      if (!field.field().use_direction) continue;
-      float* const column = tile.memory.Row(rows.harmonics) + s;
-      for (int64_t k = 0; k < kNumHarmonics; ++k) {
-        column[k * kTileStride] = harmonics_[static_cast<size_t>(slot * kNumHarmonics + k)];
-      }
-    }
-    field.Color(tile.state, tile.count, tile.memory);
+void RayShading::FindHarmonics(const FieldKernel& field, const BundledRays& rays, const RayBundle& bundle) {
+  if (!field.field().use_direction) return;
+  harmonics_.resize(static_cast<size_t>(bundle.num_rays() * kNumHarmonics));
+  for (int64_t r = 0; r < bundle.num_rays(); ++r) {
+    const float* const d = rays.direction + 3 * bundle.Ray(r);
+    const auto values = Harmonics<double>(d[0], d[1], d[2], 1.0);
+    std::copy(values.begin(), values.end(), harmonics_.begin() + r * kNumHarmonics);
   }
 }
 
+// Given the slots and the density network's output.
+void RayShading::ColorTile(const FieldKernel& field, const BundledRays& rays, const RayBundle& bundle, int64_t count,
+                           TileMemory& tile, int32_t* state) const {
+  const FieldRows& rows = field.rows();
+  const float* const slots = tile.Row(rows.slot);
+  for (int64_t s = 0; s < count; ++s) {
+    const auto slot = static_cast<int64_t>(slots[s]);
+    state[s] = static_cast<int32_t>(rays.state[bundle.Ray(slot)]);
+    if (!field.field().use_direction) continue;
+    float* const column = tile.Row(rows.harmonics) + s;
+    for (int64_t k = 0; k < kNumHarmonics; ++k) {
+      column[k * kTileStride] = harmonics_[static_cast<size_t>(slot * kNumHarmonics + k)];
+    }
+  }
+  field.Color(state, count, tile);
+}
+
+void RayShading::Color(const FieldKernel& field, const BundledRays& rays, RayBundle& bundle) {
+  FindHarmonics(field, rays, bundle);
+  for (int64_t i = 0; i < bundle.num_tiles(); ++i) {
+    RayBundle::Tile& tile = bundle.tile(i);
+    ColorTile(field, rays, bundle, tile.count, tile.memory, tile.state);
+  }
+}
+
+// shown_ of every sample, and in the tiles' row `pull` which are to be coloured. Of each ray those are left out that
+// have less weight than their share of what may be left out in all; what is shown is made up to the ray's whole weight.
+int64_t RayShading::ChooseSeen(double color_error, RayBundle& bundle) {
+  int64_t chosen = 0;
+  for (size_t r = 0; r + 1 < bundle.offsets().size(); ++r) {
+    const auto begin = static_cast<size_t>(bundle.offsets()[r]), end = static_cast<size_t>(bundle.offsets()[r + 1]);
+    double all = 0, kept = 0;
+    for (size_t s = begin; s < end; ++s) all += weight_[s];
+    const double least = color_error * all / static_cast<double>(std::max<size_t>(end - begin, 1));
+    for (size_t s = begin; s < end; ++s) {
+      const bool keep = color_error == 0 || weight_[s] > least;
+      shown_[s] = keep ? weight_[s] : 0.0F;
+      kept += shown_[s];
+      chosen += static_cast<int64_t>(keep);
+    }
+    const auto made_up = static_cast<float>(kept > 0 ? all / kept : 0);
+    for (size_t s = begin; s < end; ++s) shown_[s] *= made_up;
+  }
+  return chosen;
+}
+
+// Colours of the samples that count, side by side in tiles of their own, and from there back into the bundle's.
+int64_t RayShading::ColorSeen(const FieldKernel& field, const BundledRays& rays, double color_error,
+                              RayBundle& bundle) {
+  const FieldRows& rows = field.rows();
+  const int64_t chosen = ChooseSeen(color_error, bundle);
+  bundle.Scatter(shown_.data(), rows.pull);
+  FindHarmonics(field, rays, bundle);
+  for (auto& tile : seen_) {
+    if (tile == nullptr || seen_rows_ != rows.count) tile = std::make_unique<TileMemory>(rows.count);
+  }
+  seen_rows_ = rows.count;
+  int32_t state[kTileStride] = {};
+  const auto evaluate = [&](int64_t count) {
+    ColorTile(field, rays, bundle, count, *seen_[0], state);
+    for (int c = 0; c < 3; ++c) {
+      const float* const color = seen_[0]->Row(rows.color + c);
+      for (int64_t s = 0; s < count; ++s) {
+        const int32_t sample = seen_samples_[static_cast<size_t>(s)];
+        bundle.tile(sample / kTile).memory.Row(rows.color + c)[sample % kTile] = color[s];
+      }
+    }
+    seen_samples_.erase(seen_samples_.begin(), seen_samples_.begin() + count);
+    std::swap(seen_[0], seen_[1]);
+  };
+  seen_samples_.clear();
+  for (int64_t i = 0; i < bundle.num_tiles(); ++i) {
+    RayBundle::Tile& tile = bundle.tile(i);
+    float* const keep = tile.memory.Row(rows.pull);
+    std::fill(keep + tile.count, keep + kTileStride, 0.0F);
+    const auto at = static_cast<int64_t>(seen_samples_.size());
+    for (int64_t s = 0; s < tile.count; ++s) {
+      if (keep[s] > 0) seen_samples_.push_back(static_cast<int32_t>(i * kTile + s));
+    }
+    const int64_t outputs = field.field().density.weights.back().size(0);
+    for (const RowRange& range : {RowRange{rows.slot, 1}, RowRange{rows.density_out, outputs}}) {
+      AppendKept(keep, tile.memory.Row(range.first), tile.count, range.count, at, seen_[0]->Row(range.first),
+                 seen_[1]->Row(range.first));
+    }
+    if (static_cast<int64_t>(seen_samples_.size()) >= kTile) evaluate(kTile);
+  }
+  if (!seen_samples_.empty()) evaluate(static_cast<int64_t>(seen_samples_.size()));
+  return chosen;
+}
+
 // Light and weights of all samples, in the order of the rays.
-void RayShading::Composite(const FieldRows& rows, const BundledRays& rays, bool with_color, RayBundle& bundle) {
+void RayShading::Composite(const FieldRows& rows, const BundledRays& rays, RayBundle& bundle) {
   Resize(bundle.num_samples());
   bundle.Gather(rows.t, t_.data());
   bundle.Gather(rows.density, density_.data());
-  for (int c = 0; with_color && c < 3; ++c) bundle.Gather(rows.color + c, rgb_[c].data());
   for (int64_t r = 0; r < bundle.num_rays(); ++r) {
     double thickness = 0;
     for (auto s = static_cast<size_t>(bundle.offsets()[static_cast<size_t>(r)]);
@@ -69,6 +144,22 @@ void RayShading::Composite(const FieldRows& rows, const BundledRays& rays, bool 
     }
   }
   LightAlongRays(tau_.data(), before_.data(), bundle.num_samples(), light_.data(), weight_.data());
+}
+
+void RayShading::GatherColors(const FieldRows& rows, RayBundle& bundle) {
+  for (int c = 0; c < 3; ++c) bundle.Gather(rows.color + c, rgb_[c].data());
+}
+
+float RayShading::FrontOf(const BundledRays& rays, int64_t ray, Samples samples) const {
+  const double thick = -std::log1p(-kFrontShare);
+  const auto begin = static_cast<size_t>(samples.begin), end = static_cast<size_t>(samples.end);
+  for (size_t s = begin; s < end; ++s) {
+    if (static_cast<double>(before_[s]) + tau_[s] < thick) continue;
+    const int64_t first = rays.FirstSample(ray);
+    const float behind_first = rays.steps.Position(first, rays.jitter[ray]) + rays.steps.step / 2;
+    return s == begin && first > 0 && t_[s] < behind_first ? -1.0F : t_[s];
+  }
+  return std::numeric_limits<float>::infinity();
 }
 
 int64_t RayShading::SurfaceOf(Samples samples) const {
@@ -117,7 +208,9 @@ void RayShading::Train(const FieldKernel& field, const BundledRays& rays, const 
                        RayLossSums* sums) {
   const FieldRows& rows = field.rows();
   Color(field, rays, bundle);
-  Composite(rows, rays, /*with_color=*/true, bundle);
+  const ThreadPhase phase(Phase::kCompositing);
+  Composite(rows, rays, bundle);
+  GatherColors(rows, bundle);
   delta_ = rays.delta;
   std::fill_n(pull_.begin(), bundle.num_samples(), 0.0F);
   const double per_ray = 1 / static_cast<double>(rays.count);
@@ -185,8 +278,13 @@ int64_t RayShading::Show(const FieldKernel& field, const BundledRays& rays, cons
                          RayBundle& bundle) {
   const FieldRows& rows = field.rows();
   const bool with_color = picture.rgb != nullptr;
-  if (with_color) Color(field, rays, bundle);
-  Composite(rows, rays, with_color, bundle);
+  int64_t colored = 0;
+  Composite(rows, rays, bundle);
+  if (with_color) {
+    colored = ColorSeen(field, rays, picture.color_error, bundle);
+    GatherColors(rows, bundle);
+  }
+  const ThreadPhase phase(Phase::kCompositing);
   for (int64_t r = 0; r < bundle.num_rays(); ++r) {
     const int64_t ray = bundle.Ray(r);
     const Samples samples = {bundle.offsets()[static_cast<size_t>(r)], bundle.offsets()[static_cast<size_t>(r) + 1]};
@@ -194,12 +292,15 @@ int64_t RayShading::Show(const FieldKernel& field, const BundledRays& rays, cons
     const double thickness = end > begin ? static_cast<double>(before_[end - 1]) + tau_[end - 1] : 0.0;
     for (int c = 0; with_color && c < 3; ++c) {
       double sum = 0;
-      for (size_t s = begin; s < end; ++s) sum += static_cast<double>(weight_[s]) * rgb_[c][s];
+      for (size_t s = begin; s < end; ++s) {
+        if (shown_[s] > 0) sum += static_cast<double>(shown_[s]) * rgb_[c][s];
+      }
       if (picture.background != nullptr) {
         sum += std::exp(-thickness) * picture.background[3 * ray + c];
       }
       picture.rgb[3 * ray + c] = static_cast<float>(sum);
     }
+    if (picture.front != nullptr) picture.front[ray] = FrontOf(rays, ray, samples);
     const int64_t surface = SurfaceOf(samples);
     const bool found = surface < samples.end;
     picture.opacity[ray] = static_cast<float>(-std::expm1(-thickness));
@@ -216,7 +317,7 @@ int64_t RayShading::Show(const FieldKernel& field, const BundledRays& rays, cons
     copy(rows.ambient, field.field().ambient_dim, picture.ambient);
     copy(rows.weights, field.field().num_key_points, picture.weights);
   }
-  return bundle.num_samples();
+  return colored;
 }
 
 }  // namespace editnerf

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "libeditnerf/kernels/ray_bundle.h"
@@ -37,7 +38,15 @@ struct RayPicture {
   bool* depth_valid = nullptr;
   float *x = nullptr, *ambient = nullptr,
         *weights = nullptr;  // at the surface, [R, 3], [R, A], [R, N]; nullptr: unwanted
+  // [R], distance at which a ray first loses kFrontShare of its light, infinite where it does nowhere, and negative
+  // where it does so at the first sample that BundledRays::start let it look at: more may lie before. nullptr:
+  // unwanted.
+  float* front = nullptr;
+  // Of a ray's light at most this share takes its colour from the rest of that light, not from the field.
+  double color_error = 0;
 };
+
+constexpr double kFrontShare = 1.0 / 512;
 
 // Works on the bundles of one thread; keeps the arrays that are needed on the way.
 class RayShading {
@@ -53,16 +62,27 @@ class RayShading {
   struct Samples {  // of one ray
     int64_t begin, end;
   };
+  void FindHarmonics(const FieldKernel& field, const BundledRays& rays, const RayBundle& bundle);
+  void ColorTile(const FieldKernel& field, const BundledRays& rays, const RayBundle& bundle, int64_t count,
+                 TileMemory& tile, int32_t* state) const;
   void Color(const FieldKernel& field, const BundledRays& rays, RayBundle& bundle);
-  void Composite(const FieldRows& rows, const BundledRays& rays, bool with_color, RayBundle& bundle);
+  int64_t ColorSeen(const FieldKernel& field, const BundledRays& rays, double color_error, RayBundle& bundle);
+  int64_t ChooseSeen(double color_error, RayBundle& bundle);
+  void Composite(const FieldRows& rows, const BundledRays& rays, RayBundle& bundle);
+  void GatherColors(const FieldRows& rows, RayBundle& bundle);
+  float FrontOf(const BundledRays& rays, int64_t ray, Samples samples) const;
   int64_t SurfaceOf(Samples samples) const;  // samples.end where there is none
   double Distort(Samples samples, double factor);
   double MissDepth(Samples samples, double distance, double tolerance, double factor);
   void Resize(int64_t samples);
 
   std::vector<float> t_, density_, tau_, before_, light_, weight_, rgb_[3], to_weight_, to_density_, pull_;
-  std::vector<float> harmonics_;   // [rays, 16]
-  std::vector<int64_t> surfaces_;  // of the rays that have one
+  std::vector<float> shown_;             // weights, 0 where the colour was not evaluated
+  std::vector<float> harmonics_;         // [rays, 16]
+  std::unique_ptr<TileMemory> seen_[2];  // the samples that are coloured
+  int64_t seen_rows_ = 0;
+  std::vector<int32_t> seen_samples_;  // where the columns of seen_ come from
+  std::vector<int64_t> surfaces_;      // of the rays that have one
   double delta_ = 0;
 };
 

@@ -1,6 +1,7 @@
 #include "libeditnerf/kernels/table_scatter.h"
 
 #include "libeditnerf/base/parallel.h"
+#include "libeditnerf/base/phase_clock.h"
 #include "libeditnerf/kernels/gradient.h"
 #include "libeditnerf/kernels/hash_level.h"
 
@@ -34,6 +35,7 @@ FeatureGradients::Tile FeatureGradients::operator[](int64_t index) const {
 }
 
 void ScatterToTables(const FusedField& field, const std::vector<const FeatureGradients*>& lists) {
+  const TeamPhase phase(Phase::kTableGradients);
   const auto canonical_levels = static_cast<int64_t>(field.canonical.resolutions.size());
   const auto local_levels = static_cast<int64_t>(field.local.resolutions.size());
   float* const canonical = GradientOf(field.canonical.table);

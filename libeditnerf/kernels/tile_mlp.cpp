@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "libeditnerf/base/phase_clock.h"
 #include "libeditnerf/kernels/dense_product.h"
 #include "libeditnerf/kernels/tile.h"
 #include "libeditnerf/kernels/tile_layout.h"
@@ -47,6 +48,7 @@ TileMlp::TileMlp(const MlpLayers& layers) {
 }
 
 void TileMlp::Forward(const float* input, int64_t count, float* activations) const {
+  const ThreadPhase phase(Phase::kProducts);
   const float* before = input;
   float* after = activations;
   for (const Layer& layer : layers_) {
@@ -64,6 +66,7 @@ void TileMlp::Forward(const float* input, int64_t count, float* activations) con
 
 void TileMlp::Backward(const float* input, const float* activations, const float* grad_out, int64_t count,
                        float* scratch, TileMlpSums& sums, c10::ArrayRef<InputGradient> grad_inputs) const {
+  const ThreadPhase phase(Phase::kProducts);
   float* next = scratch;
   float* other = TileRow(scratch, widest_);
   const float* grad = grad_out;

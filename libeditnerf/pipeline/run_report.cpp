@@ -5,10 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "libeditnerf/base/file.h"
+#include "libeditnerf/base/machine.h"
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/editing/edit_file.h"
 #include "libeditnerf/evaluation/report.h"
@@ -165,12 +165,7 @@ void AddDetectionNotes(const fs::path& work, ReportContents* report) {
 
 std::string Machine() {
   utsname name{};
-  std::string model;
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; model.empty() && std::getline(info, line);) {
-    if (line.rfind("model name", 0) == 0) model = line.substr(line.find(':') + 2);
-  }
-  return fmt::format("{}{}, {} threads", model, uname(&name) == 0 ? fmt::format(", {}", name.machine) : "",
+  return fmt::format("{}{}, {} threads", ProcessorName(), uname(&name) == 0 ? fmt::format(", {}", name.machine) : "",
                      NumThreads());
 }
 

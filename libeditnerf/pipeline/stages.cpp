@@ -19,6 +19,7 @@
 #include "libeditnerf/tracking/flow_cache.h"
 #include "libeditnerf/tracking/flow_choice.h"
 #include "libeditnerf/tracking/still_depth.h"
+#include "libeditnerf/training/memory_plan.h"
 #include "libeditnerf/training/trainer.h"
 
 namespace editnerf {
@@ -75,6 +76,7 @@ Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage
     loaded.run = MakeRun(request.config, stage, scene, tracks, request.device);
   }
   loaded.run.scene_path = fs::absolute(request.scene_folder).lexically_normal().string();
+  LogInfo("{}", ToText(PlanMemory(loaded.run, scene)));
   Trainer trainer(loaded.run, scene, std::move(supervision), request.out);
   trainer.SetDepthTargets(depth);
   if (resumed) trainer.Resume(loaded.extra);
@@ -135,28 +137,34 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
   };
   run.field->eval();
   PretrainedMaps maps;
-  std::vector<torch::Tensor> depth, ambient, canonical;
+  // Written in place: a list of all maps and their stack would take twice the memory, which long sequences do not have.
+  const auto store = [&](const torch::Tensor& map, int64_t t, torch::Tensor* all) {
+    const torch::Tensor enlarged = Enlarge(map.to(torch::kCPU), height, width);
+    if (!all->defined()) {
+      std::vector<int64_t> shape = enlarged.sizes().vec();
+      shape.insert(shape.begin(), count);
+      *all = torch::empty(shape, enlarged.options());
+    }
+    all->select(0, t).copy_(enlarged);
+  };
   Progress bar("surfaces", static_cast<double>(count));
   for (int64_t t = 0; t < count; ++t) {
     const Camera& camera = scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(t)])].camera;
     const FrameStates states = run.field->States(torch::tensor({t}, torch::kInt64).to(run.device));
     ImageOptions options;
     options.tensor = torch::TensorOptions(torch::kFloat32).device(run.device);
+    options.exact = true;  // detection stands on it
     options.depth_only = run.config.render.sampler == "occupancy";
     options.march_steps = kFinerSurfaces * run.config.render.march_steps;
     const RenderedImage image =
         RenderImage(*run.field, *run.renderer, factor < 1 ? camera.Resized(reduced(width), reduced(height)) : camera,
                     states, options);
-    const auto full = [&](const torch::Tensor& map) { return Enlarge(map.to(torch::kCPU), height, width); };
-    depth.push_back(full(image.depth));
-    ambient.push_back(full(image.ambient));
-    if (run.config.field.warp.enabled) canonical.push_back(full(image.x_canonical));
+    store(image.depth, t, &maps.depth);
+    store(image.ambient, t, &maps.ambient);
+    if (run.config.field.warp.enabled) store(image.x_canonical, t, &maps.x_canonical);
     bar.Update(static_cast<double>(t + 1));
   }
   bar.Finish();
-  maps.depth = torch::stack(depth);
-  maps.ambient = torch::stack(ambient);
-  if (!canonical.empty()) maps.x_canonical = torch::stack(canonical);
   return maps;
 }
 

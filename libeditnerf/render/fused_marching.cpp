@@ -21,7 +21,7 @@ torch::Tensor Floats(const torch::Tensor& tensor) { return tensor.to(torch::kCPU
 
 // Rays as the kernels read them, and what keeps that memory alive.
 struct RaysInMemory {
-  torch::Tensor origin, direction, jitter, state;
+  torch::Tensor origin, direction, jitter, state, start;
   MarchedGrid grid, local_grid;
   BundledRays rays;
 
@@ -72,8 +72,13 @@ bool FusedMarching::Takes(const std::optional<FusedField>& field, const RayBatch
 RayResult FusedMarching::Render(const FusedField& field, const RayBatch& rays, const FrameStates& states,
                                 const RayOptions& options, const Marching& marching) {
   const FieldKernel kernel(field, FusedStatesOf(states));
-  const RaysInMemory memory(rays, marching, kernel);
+  RaysInMemory memory(rays, marching, kernel);
   const int64_t count = memory.rays.count;
+  if (options.start.defined()) {
+    CheckShape(options.start, {count}, "start");
+    memory.start = Floats(options.start);
+    memory.rays.start = memory.start.data_ptr<float>();
+  }
   RayResult result;
   RayPicture picture;
   torch::Tensor background;
@@ -89,6 +94,9 @@ RayResult FusedMarching::Render(const FusedField& field, const RayBatch& rays, c
   result.opacity = torch::empty({count});
   result.depth = torch::empty({count});
   result.depth_valid = torch::empty({count}, torch::kBool);
+  result.front = torch::empty({count});
+  picture.front = result.front.data_ptr<float>();
+  picture.color_error = options.color_error;
   picture.opacity = result.opacity.data_ptr<float>();
   picture.depth = result.depth.data_ptr<float>();
   picture.depth_valid = result.depth_valid.data_ptr<bool>();

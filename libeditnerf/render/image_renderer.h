@@ -16,6 +16,9 @@ struct ImageOptions {
   torch::Tensor background;                       // [3]; undefined: as RayRenderer does without one
   int64_t march_steps = 0;                        // marching alone; 0: as configured
   bool depth_only = false;  // marching alone: no colours, and nothing behind the surface is evaluated
+  // Where the fused kernels render, most rays begin shortly before what their neighbours see, and colours are evaluated
+  // only of what shows (image_renderer.cpp); with `exact`, every ray is looked at as if it were alone.
+  bool exact = false;
 };
 
 // Outputs that the field does not have are undefined. All lie on the field's device.

@@ -26,6 +26,9 @@ struct RayOptions {
   torch::Tensor jitter;     // [R] in [0, 1], where in their intervals samples lie; undefined: random where training,
                             // otherwise the middle
   int64_t march_steps = 0;  // 0: as configured
+  torch::Tensor start;     // [R], distance before which there is nothing to see, more or less; undefined: unknown. Only
+                           // the fused kernels make use of it
+  double color_error = 0;  // share of a ray's light that may take its colour from the rest of it (fused kernels)
   bool depth_only = false;  // no colours, and nothing behind the surface (median depth) is evaluated
 };
 
@@ -45,7 +48,9 @@ struct RayResult {
   torch::Tensor distortion;  // [R], DistortionLoss with 0 at near and 1 at far; undefined unless asked for
   torch::Tensor depth_miss;  // [], mean over the rays of sum_i w_i max(0, |t_i - d| / d - tolerance), 0 where the
                              // distance d is unknown; undefined without RayOptions::distance
-  int64_t samples = 0;       // field evaluations with colour
+  torch::Tensor
+      front;  // [R], where a ray first meets something (RayPicture::front); undefined but for the fused kernels
+  int64_t samples = 0;  // field evaluations with colour
 };
 
 // What training wants of rays, beside RayOptions:

@@ -228,6 +228,10 @@ Marching RayRenderer::MarchingFor(const RayBatch& rays, const RayOptions& option
   return marching;
 }
 
+bool RayRenderer::Fuses(const RadianceField& field, const RayBatch& rays, const FrameStates& states) const {
+  return grid_ && FusedMarching::Takes(field.Fused(), rays, states);
+}
+
 std::optional<RayGradients> RayRenderer::AddGradients(RadianceField& field, const RayBatch& rays,
                                                       const FrameStates& states, const RayOptions& options,
                                                       const RayObjective& objective) {

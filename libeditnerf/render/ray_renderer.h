@@ -35,6 +35,9 @@ class RayRenderer : public torch::nn::Module {
   // Marching without gradients takes the fused kernels where the field offers itself (RadianceField::Fused).
   RayResult Render(RadianceField& field, const RayBatch& rays, const FrameStates& states, const RayOptions& options);
 
+  // Whether Render takes them without gradients.
+  bool Fuses(const RadianceField& field, const RayBatch& rays, const FrameStates& states) const;
+
   // The objective of rays to be trained on, in one fused pass, with its gradients: those of the field's parameters are
   // added to their `.grad`, as backward() does, those of the states returned. Nothing at all, and no result, where
   // marching or field is not of that kind: Render's outputs are then differentiable.

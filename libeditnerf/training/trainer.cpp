@@ -13,6 +13,7 @@
 #include "libeditnerf/base/interrupt.h"
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/parallel.h"
+#include "libeditnerf/base/phase_clock.h"
 #include "libeditnerf/base/progress.h"
 #include "libeditnerf/training/losses.h"
 #include "libeditnerf/training/schedule.h"
@@ -267,12 +268,14 @@ std::map<std::string, double> Trainer::Step() {
   run_.field->SetStep(counters.step);
   if (counters.step % run_.config.render.occupancy_update_every == 0) {
     const torch::NoGradGuard no_grad;
+    const TeamPhase phase(Phase::kOccupancy);
     run_.renderer->UpdateOccupancy(*run_.field, AllStates());
   }
   adam_.ZeroGrad();
   const NamedTensors losses = Backward();
   const StepVerdict verdict = guard_.Check(losses, adam_.parameters());
   if (verdict.take) {
+    const TeamPhase phase(Phase::kAdam);
     adam_.Step(ExponentialSchedule(stage_.learning_rate, stage_.final_learning_rate, Progress()));
   } else {
     LogWarning("step {} skipped: not finite: {}", counters.step, verdict.not_finite);

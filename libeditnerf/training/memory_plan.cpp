@@ -1,0 +1,98 @@
+#include "libeditnerf/training/memory_plan.h"
+
+#include <fmt/format.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+
+#include "libeditnerf/base/parallel.h"
+#include "libeditnerf/kernels/fused_field.h"
+#include "libeditnerf/kernels/tile.h"
+
+namespace editnerf {
+namespace {
+
+int64_t Bytes(const torch::Tensor& tensor) {
+  return tensor.defined() ? tensor.numel() * static_cast<int64_t>(tensor.element_size()) : 0;
+}
+
+int64_t ParameterBytes(const torch::nn::Module& module) {
+  int64_t bytes = 0;
+  for (const torch::Tensor& parameter : module.parameters()) bytes += Bytes(parameter);
+  return bytes;
+}
+
+int64_t BufferBytes(const torch::nn::Module& module) {
+  int64_t bytes = 0;
+  for (const torch::Tensor& buffer : module.buffers()) bytes += Bytes(buffer);
+  return bytes;
+}
+
+// Outputs of all layers, as a graph keeps them for the backward pass: the rows of all weight matrices.
+int64_t LayerOutputs(const torch::nn::Module& module) {
+  int64_t outputs = 0;
+  for (const auto& item : module.named_parameters()) {
+    if (item.value().dim() == 2 && item.key().find("weight") != std::string::npos) outputs += item.value().size(0);
+  }
+  return outputs;
+}
+
+int64_t SampleBytes(const Run& run, int64_t samples) {
+  const auto fused = run.field->Fused();
+  if (fused && run.config.render.sampler == "occupancy") {
+    const FieldRows rows(*fused);
+    const int64_t kept = 6 + rows.canonical_features + rows.local_features;  // FeatureGradients
+    constexpr int64_t kWorkingTiles = 12;                                    // of a thread
+    return static_cast<int64_t>(sizeof(float)) * kTileStride *
+           ((samples + kTile - 1) / kTile * kept + NumThreads() * kWorkingTiles * rows.count);
+  }
+  // A layer's output once before and once after its activation.
+  return samples * 2 * LayerOutputs(*run.field) * static_cast<int64_t>(sizeof(float));
+}
+
+int64_t SamplesPerStep(const Run& run, const StageConfig& stage) {
+  const RenderConfig& render = run.config.render;
+  const int64_t per_ray =
+      render.sampler == "occupancy" ? render.march_steps : 2 * render.coarse_samples + render.fine_samples;
+  const int64_t most = stage.rays_per_step * per_ray;
+  return stage.samples_per_step > 0 ? std::min(most, stage.samples_per_step) : most;
+}
+
+}  // namespace
+
+int64_t MemoryPlan::Total() const {
+  int64_t total = 0;
+  for (const auto& part : parts) total += part.second;
+  return total;
+}
+
+MemoryPlan PlanMemory(const Run& run, const Scene& scene) {
+  const StageConfig& stage = run.stage == FieldStage::kPretrain ? run.config.pretrain : run.config.train;
+  const int64_t parameters = ParameterBytes(*run.field);
+  MemoryPlan plan;
+  // The trainer selects the training frames' images into a tensor of their own, and the held-out ones for a moment.
+  const int64_t image =
+      scene.images.defined() && scene.images.size(0) > 0 ? Bytes(scene.images) / scene.images.size(0) : 0;
+  plan.parts.emplace_back("images", Bytes(scene.images) + image * static_cast<int64_t>(scene.train.size()));
+  if (scene.truth) plan.parts.emplace_back("ground truth", Bytes(scene.truth->depth) + Bytes(scene.truth->mask));
+  plan.parts.emplace_back("field", parameters);
+  plan.parts.emplace_back("gradients", parameters);
+  plan.parts.emplace_back("Adam", 2 * parameters);
+  plan.parts.emplace_back("state to roll back to", parameters);
+  plan.parts.emplace_back("occupancy", BufferBytes(*run.renderer));
+  plan.parts.emplace_back("samples of a step", SampleBytes(run, SamplesPerStep(run, stage)));
+  return plan;
+}
+
+std::string ToText(const MemoryPlan& plan) {
+  const auto megabytes = [](int64_t bytes) { return 1e-6 * static_cast<double>(bytes); };
+  std::string text = fmt::format("memory: {:.1f} MB beside LibTorch", megabytes(plan.Total()));
+  const char* before = ": ";
+  for (const auto& [name, bytes] : plan.parts) {
+    text += fmt::format("{}{} {:.1f}", before, name, megabytes(bytes));
+    before = ", ";
+  }
+  return text;
+}
+
+}  // namespace editnerf
