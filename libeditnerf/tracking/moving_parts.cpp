@@ -85,6 +85,16 @@ double GainOverStillness(const Clip& clip, const std::vector<FlowTrack>& tracks,
   return std::accumulate(gains.begin(), gains.end(), 0.0);
 }
 
+MovingPart Weighed(const Clip& clip, const std::vector<FlowTrack>& tracks, RigidPart body, double near, double far) {
+  MovingPart part;
+  part.range = RangePixels(clip, body);
+  part.gain = GainOverStillness(clip, tracks, body, near, far);
+  const double each = body.observations > 0 ? part.gain / static_cast<double>(body.observations) : 0;
+  if (each >= kLeastGain) part.weight = part.gain * (each / kMostCost) * (each / kMostCost);
+  part.body = std::move(body);
+  return part;
+}
+
 // The untaken track with the longest and most others around it.
 class Crowds {
  public:
@@ -181,6 +191,7 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
                             double far) {
   MovingParts found;
   found.tracks = TrackMovingPixels(clip, motion, near, far);
+  // Tracks of fits that weigh nothing stay taken: seeds among them would give the same fit again.
   std::vector<bool> taken(found.tracks.size(), false);
   Crowds crowds(clip, found.tracks);
   double heaviest = 0;
@@ -198,14 +209,8 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
     crowds.Spend(track, !body);
     ++in_vain;
     if (!body) continue;
-    MovingPart part;
-    part.range = RangePixels(clip, *body);
-    part.gain = GainOverStillness(clip, found.tracks, *body, near, far);
-    const double each = part.gain / static_cast<double>(body->observations);
-    part.weight = part.gain * (each / kMostCost) * (each / kMostCost);
-    if (each < kLeastGain) part.weight = 0;
-    part.body = std::move(*body);
-    if (part.weight == 0) continue;
+    MovingPart part = Weighed(clip, found.tracks, std::move(*body), near, far);
+    if (!(part.weight > 0)) continue;
     if (part.weight > kLeastWeight * heaviest) in_vain = 0;
     if (part.weight > heaviest) {
       heaviest = part.weight;

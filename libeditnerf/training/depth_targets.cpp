@@ -17,8 +17,8 @@ bool FiniteAndPositive(const torch::Tensor& values) {
 }  // namespace
 
 DepthTargets Joined(const DepthTargets& a, const DepthTargets& b) {
-  if (a.size() == 0) return b;
   if (b.size() == 0) return a;
+  if (a.size() == 0) return b;
   return {torch::cat({a.frame, b.frame}), torch::cat({a.pixel, b.pixel}), torch::cat({a.distance, b.distance}),
           torch::cat({a.tolerance, b.tolerance})};
 }

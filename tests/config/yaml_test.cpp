@@ -128,7 +128,7 @@ TEST_CASE("wrong types say what was expected and found") {
   CHECK(LoadError("train:\n  steps: [1]\n") ==
         "configs/dice.yaml:2: 'train.steps': expected an integer of at least 1, found a list");
   CHECK(LoadError("train:\n  steps:\n").find("expected an integer of at least 1, found nothing") != std::string::npos);
-  CHECK(LoadError("train:\n  refine: 1\n").find("did you mean 'detect.refine'?") != std::string::npos);
+  CHECK(LoadError("train:\n  skip_interval: 1\n").find("did you mean 'detect.skip_interval'?") != std::string::npos);
   CHECK(LoadError("detect:\n  refine: yes\n") ==
         "configs/dice.yaml:2: 'detect.refine': expected true or false, found 'yes'");
   CHECK(LoadError("train: 5\n") == "configs/dice.yaml:1: 'train': expected a group of settings, found '5'");
