@@ -47,7 +47,7 @@ TEST_CASE("known distances that do not fit the scene, or are none, are refused b
   const auto path = scratch.path() / "known_depth.safetensors";
   WriteDepthTargets(path, Some());
   CHECK_THROWS_WITH(ReadDepthTargets(path, 2, 10, 10), HasText("known_depth.safetensors"));  // frame 2
-  CHECK_THROWS_AS(ReadDepthTargets(path, 3, 4, 10), DataError);                                      // row 4
+  CHECK_THROWS_AS(ReadDepthTargets(path, 3, 4, 10), DataError);                              // row 4
   DepthTargets broken = Some();
   broken.distance[1] = NAN;
   WriteDepthTargets(path, broken);
