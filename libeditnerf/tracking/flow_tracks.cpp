@@ -110,8 +110,9 @@ std::vector<FlowTrack> TrackMovingPixels(const Clip& clip, const MotionEvidence&
   for (int64_t t = 0; t < clip.num_frames(); t += kSeedInterval) {
     if (InterruptRequested()) Throw<Interrupted>("interrupted while moving pixels were followed");
     for (int64_t i = 0; i < cells; ++i) {
-      const Pixel start = {static_cast<double>(i % columns * motion.cell) + half,
-                           static_cast<double>(i / columns * motion.cell) + half};
+      const int64_t row = i / columns, column = i % columns;
+      const Pixel start = {static_cast<double>(column * motion.cell) + half,
+                           static_cast<double>(row * motion.cell) + half};
       if (!clip.Inside(start) || passed(t, start) || motion.At(t, start) < kLeastEvidence) continue;
       FlowTrack track = FollowPixel(clip, t, start);
       if (track.pixel.size() < kShortest) continue;

@@ -34,8 +34,8 @@ DepthTargets ReadDepthTargets(const std::filesystem::path& path, int64_t frames,
   SafetensorsFile file = ReadSafetensors(path);
   for (const char* name : {"frame", "pixel", "distance", "tolerance"})
     if (file.tensors.count(name) == 0) Throw<DataError>("{}: found no tensor \"{}\"", path.string(), name);
-  const DepthTargets targets = {file.tensors["frame"], file.tensors["pixel"], file.tensors["distance"],
-                                file.tensors["tolerance"]};
+  DepthTargets targets = {file.tensors["frame"], file.tensors["pixel"], file.tensors["distance"],
+                          file.tensors["tolerance"]};
   const int64_t count = targets.distance.numel();
   const bool fits =
       targets.frame.scalar_type() == torch::kInt64 && targets.pixel.scalar_type() == torch::kInt64 &&
