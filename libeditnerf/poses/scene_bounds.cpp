@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/base/percentile.h"
 
 namespace editnerf {
 namespace {
@@ -13,12 +14,6 @@ constexpr double kOutlierShare = 0.025;  // of the points, at both ends of each 
 constexpr double kDistanceShare = 0.01;  // of a camera's points, at both ends
 constexpr double kNearMargin = 0.7, kFarMargin = 1.2;
 constexpr size_t kMinSeenPoints = 8;  // fewer say nothing about a frame
-
-double Percentile(std::vector<double>* values, double share) {
-  const auto index = static_cast<size_t>(std::llround(share * static_cast<double>(values->size() - 1)));
-  std::nth_element(values->begin(), values->begin() + static_cast<std::ptrdiff_t>(index), values->end());
-  return (*values)[index];
-}
 
 class Box {
  public:
@@ -49,12 +44,12 @@ bool BoundsFromPoints(const ImportedModel& model, double* near, double* far) {
     for (const int64_t row : frame.seen_points)
       distances.push_back(Norm(PointAt(model.points, row) - frame.camera.position));
     if (distances.size() < kMinSeenPoints) continue;
-    nears.push_back(Percentile(&distances, kDistanceShare));
-    fars.push_back(Percentile(&distances, 1 - kDistanceShare));
+    nears.push_back(Percentile(distances, kDistanceShare));
+    fars.push_back(Percentile(distances, 1 - kDistanceShare));
   }
   if (nears.empty()) return false;
-  *near = kNearMargin * Percentile(&nears, kDistanceShare);
-  *far = kFarMargin * Percentile(&fars, 1 - kDistanceShare);
+  *near = kNearMargin * Percentile(nears, kDistanceShare);
+  *far = kFarMargin * Percentile(fars, 1 - kDistanceShare);
   return true;
 }
 
@@ -64,8 +59,8 @@ void AddPoints(const torch::Tensor& points, Box* box) {
   for (int64_t axis = 0; axis < 3; ++axis) {
     const torch::Tensor column = points.select(1, axis).contiguous();
     std::vector<double> values(column.data_ptr<double>(), column.data_ptr<double>() + column.numel());
-    *bounds[0][axis] = Percentile(&values, kOutlierShare);
-    *bounds[1][axis] = Percentile(&values, 1 - kOutlierShare);
+    *bounds[0][axis] = Percentile(values, kOutlierShare);
+    *bounds[1][axis] = Percentile(values, 1 - kOutlierShare);
   }
   box->Add(low);
   box->Add(high);

@@ -55,10 +55,10 @@ size_t LooksTheSame(const Clip& clip, int64_t seed, const std::vector<Pixel>& wa
 }
 
 // Whether one static point explains most of the track. Parts rest at times, and tracks slip.
-bool StandsStill(const Clip& clip, const FlowTrack& track, double near, double far) {
+bool StandsStill(const Clip& clip, const FlowTrack& track, const DepthRange& range) {
   const double most = kStillMiss * clip.PixelScale();
   for (int i = 0; i < kStillTrials; ++i) {
-    const double distance = 1 / (1 / far + (1 / near - 1 / far) * i / (kStillTrials - 1));
+    const double distance = 1 / (1 / range.far + (1 / range.near - 1 / range.far) * i / (kStillTrials - 1));
     const Vec3 point = clip.Lift(track.seed, track.At(track.seed), distance);
     size_t still = 0;
     for (int64_t t = track.first; t < track.end(); ++t) {
@@ -102,7 +102,7 @@ FlowTrack FollowPixel(const Clip& clip, int64_t seed, const Pixel& start) {
   return track;
 }
 
-std::vector<FlowTrack> TrackMovingPixels(const Clip& clip, const MotionEvidence& motion, double near, double far) {
+std::vector<FlowTrack> TrackMovingPixels(const Clip& clip, const MotionEvidence& motion, const DepthRange& range) {
   std::vector<FlowTrack> tracks;
   PassedCells passed(clip, 2 * motion.cell);
   const int64_t cells = motion.ratio.size(1) * motion.ratio.size(2), columns = motion.ratio.size(2);
@@ -122,7 +122,7 @@ std::vector<FlowTrack> TrackMovingPixels(const Clip& clip, const MotionEvidence&
   }
   std::vector<char> still(tracks.size());
   ParallelFor(static_cast<int64_t>(tracks.size()), 16, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) still[At(i)] = StandsStill(clip, tracks[At(i)], near, far);
+    for (int64_t i = begin; i < end; ++i) still[At(i)] = StandsStill(clip, tracks[At(i)], range);
   });
   std::vector<FlowTrack> moving;
   for (size_t i = 0; i < tracks.size(); ++i)

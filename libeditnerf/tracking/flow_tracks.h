@@ -10,6 +10,7 @@
 
 #include "libeditnerf/tracking/clip.h"
 #include "libeditnerf/tracking/motion_evidence.h"
+#include "libeditnerf/tracking/still_points.h"
 
 namespace editnerf {
 
@@ -28,8 +29,8 @@ struct FlowTrack {
 FlowTrack FollowPixel(const Clip& clip, int64_t seed, const Pixel& start);
 
 // Tracks of the pixels that move by the evidence and that no static point explains, started wherever no other track
-// passes within two of the evidence's cells. Tracks of fewer than 6 frames are left out. near, far: scene units, of the
+// passes within two of the evidence's cells. Tracks of fewer than 6 frames are left out. range: scene units, of the
 // static points that are tried. Throws Interrupted.
-std::vector<FlowTrack> TrackMovingPixels(const Clip& clip, const MotionEvidence& motion, double near, double far);
+std::vector<FlowTrack> TrackMovingPixels(const Clip& clip, const MotionEvidence& motion, const DepthRange& range);
 
 }  // namespace editnerf

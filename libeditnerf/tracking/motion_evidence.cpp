@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "libeditnerf/base/parallel.h"
+#include "libeditnerf/base/percentile.h"
 #include "libeditnerf/tracking/still_points.h"
 
 namespace editnerf {
@@ -35,12 +36,6 @@ DepthRange DepthsAround(const torch::Tensor& depth, const Pixel& p) {
 
 DepthRange Widened(const DepthRange& range, double share) {
   return {range.near / (1 + share), range.far * (1 + share)};
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return NAN;
-  std::nth_element(values.begin(), values.begin() + static_cast<int64_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
 }
 
 // What the cells of one frame are measured against.
@@ -108,7 +103,7 @@ double MotionEvidence::At(int64_t t, const Pixel& p) const {
   for (int64_t r = std::max<int64_t>(row - 1, 0); r <= std::min(row + 1, rows - 1); ++r)
     for (int64_t c = std::max<int64_t>(column - 1, 0); c <= std::min(column + 1, columns - 1); ++c)
       if (std::isfinite(values[r * columns + c])) known.push_back(values[r * columns + c]);
-  return known.empty() ? 0 : Median(known);
+  return Percentile(known, 0.5);
 }
 
 torch::Tensor MotionEvidence::MovingPixels(int64_t height, int64_t width) const {
@@ -147,7 +142,7 @@ MotionEvidence MeasureMotion(const Clip& clip) {
       }
       if (known.empty()) continue;
       const auto threshold =
-          static_cast<float>(std::max(kLeastDistance * clip.PixelScale(), kNoiseFactor * Median(known)));
+          static_cast<float>(std::max(kLeastDistance * clip.PixelScale(), kNoiseFactor * Percentile(known, 0.5)));
       for (int64_t i = 0; i < cells.rows * cells.columns; ++i) own[i] /= threshold;
     }
   });

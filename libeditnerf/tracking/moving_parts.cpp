@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 #include "libeditnerf/base/parallel.h"
+#include "libeditnerf/base/percentile.h"
 #include "libeditnerf/base/progress.h"
+#include "libeditnerf/tracking/stillness.h"
 
 namespace editnerf {
 namespace {
@@ -22,17 +23,9 @@ constexpr int64_t kMostFrames = 40;   // that a track counts for
 constexpr double kSurround = 20;      // pixels at 320 wide within which a pixel must be surrounded by its part
 constexpr double kWidestGap = 2.6;    // radians without a neighbour
 constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track
-constexpr double kMostCost = 16;      // of a pixel, in squares of that
 constexpr float kTolerance = 0.01F;   // share of the distance
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
-
-double Quantile(std::vector<double> values, double share) {
-  if (values.empty()) return 0;
-  const auto at = values.begin() + static_cast<int64_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
 
 // Every few points, so that a part of a thousand costs what one of forty does.
 std::vector<Vec3> SomePoints(const RigidPart& part) {
@@ -44,24 +37,15 @@ std::vector<Vec3> SomePoints(const RigidPart& part) {
 }
 
 double RangePixels(const Clip& clip, const RigidPart& part) {
-  const std::vector<int64_t> frames = SeenFrames(part);
   const double distance = Norm(part.center - clip.cameras[At(part.reference)].position);
   std::vector<double> ranges;
-  for (const Vec3& point : SomePoints(part)) ranges.push_back(PointRange(part, point, frames));
-  return Quantile(ranges, 0.5) * clip.cameras[0].focal_length / distance / clip.PixelScale();
-}
-
-// What a pixel off by so much costs, none more than kMostCost.
-double Cost(const Clip& clip, const Vec3& place, const Sighting& seen) {
-  const Projected at = Project(clip.cameras[At(seen.frame)], place);
-  if (!at.valid) return kMostCost;
-  const double off = Distance({at.u, at.v}, seen.pixel) / (kSlack * clip.PixelScale());
-  return std::min(off * off, kMostCost);
+  for (const Vec3& point : SomePoints(part)) ranges.push_back(PointRange(part, point));
+  return Percentile(std::move(ranges), 0.5) * clip.cameras[0].focal_length / distance / clip.PixelScale();
 }
 
 // How much better the moving part explains its tracks than a static point for each would.
-double GainOverStillness(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part, double near,
-                         double far) {
+double GainOverStillness(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part,
+                         const DepthRange& range) {
   constexpr int64_t kSamples = 16;  // of each track
   std::vector<double> gains(part.points.size(), 0);
   ParallelFor(static_cast<int64_t>(part.points.size()), 4, [&](int64_t begin, int64_t end) {
@@ -74,10 +58,10 @@ double GainOverStillness(const Clip& clip, const std::vector<FlowTrack>& tracks,
         for (int64_t t = tracks[i].first; t < tracks[i].end(); t += stride) {
           if (!part.seen[At(t)]) continue;
           sightings.push_back({t, tracks[i].At(t)});
-          moving += Cost(clip, part.Place(t, ToVec3(point.position)), sightings.back());
+          moving += CostOf(clip, part.Place(t, ToVec3(point.position)), sightings.back());
         }
         if (sightings.empty()) continue;
-        const double still = CostOfStillness(clip, sightings, near, far) * static_cast<double>(sightings.size());
+        const double still = CostOfStillness(clip, sightings, range) * static_cast<double>(sightings.size());
         gains[At(k)] += (still - moving) * static_cast<double>(stride);
       }
     }
@@ -85,10 +69,10 @@ double GainOverStillness(const Clip& clip, const std::vector<FlowTrack>& tracks,
   return std::accumulate(gains.begin(), gains.end(), 0.0);
 }
 
-MovingPart Weighed(const Clip& clip, const std::vector<FlowTrack>& tracks, RigidPart body, double near, double far) {
+MovingPart Weighed(const Clip& clip, const std::vector<FlowTrack>& tracks, RigidPart body, const DepthRange& range) {
   MovingPart part;
   part.range = RangePixels(clip, body);
-  part.gain = GainOverStillness(clip, tracks, body, near, far);
+  part.gain = GainOverStillness(clip, tracks, body, range);
   const double each = body.observations > 0 ? part.gain / static_cast<double>(body.observations) : 0;
   if (each >= kLeastGain) part.weight = part.gain * (each / kMostCost) * (each / kMostCost);
   part.body = std::move(body);
@@ -149,20 +133,6 @@ bool Surrounded(const Pixel& p, const std::vector<Pixel>& others, double reach) 
 
 }  // namespace
 
-double CostOfStillness(const Clip& clip, const std::vector<Sighting>& sightings, double near, double far) {
-  constexpr int kTrials = 40;
-  const Sighting& middle = sightings[sightings.size() / 2];
-  double least = INFINITY;
-  for (int i = 0; i < kTrials; ++i) {
-    const double distance = 1 / (1 / far + (1 / near - 1 / far) * i / (kTrials - 1));
-    const Vec3 held = clip.Lift(middle.frame, middle.pixel, distance);
-    double cost = 0;
-    for (const Sighting& sighting : sightings) cost += Cost(clip, held, sighting);
-    least = std::min(least, cost);
-  }
-  return least / static_cast<double>(sightings.size());
-}
-
 bool MovesAs(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part, const RigidPart& other) {
   constexpr int64_t kLag = 3;
   int64_t moving = 0, agree = 0;
@@ -187,16 +157,16 @@ bool MovesAs(const Clip& clip, const std::vector<FlowTrack>& tracks, const Rigid
   return static_cast<double>(agree) > kSameShare * static_cast<double>(moving);
 }
 
-MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, DirectFlows* direct, double near,
-                            double far) {
+MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, DirectFlows* direct,
+                            const DepthRange& range) {
   MovingParts found;
-  found.tracks = TrackMovingPixels(clip, motion, near, far);
+  found.tracks = TrackMovingPixels(clip, motion, range);
   // Tracks of fits that weigh nothing stay taken: seeds among them would give the same fit again.
   std::vector<bool> taken(found.tracks.size(), false);
   Crowds crowds(clip, found.tracks);
   double heaviest = 0;
   int in_vain = 0;
-  PartSolverOptions options;
+  GrowthOptions options;
   Progress progress("moving parts", kMostSeeds);
   for (int i = 0; i < kMostSeeds && in_vain < kMostInVain; ++i) {
     progress.Update(i);
@@ -209,7 +179,7 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
     crowds.Spend(track, !body);
     ++in_vain;
     if (!body) continue;
-    MovingPart part = Weighed(clip, found.tracks, std::move(*body), near, far);
+    MovingPart part = Weighed(clip, found.tracks, std::move(*body), range);
     if (!(part.weight > 0)) continue;
     if (part.weight > kLeastWeight * heaviest) in_vain = 0;
     if (part.weight > heaviest) {

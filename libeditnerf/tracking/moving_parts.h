@@ -4,26 +4,15 @@
 #include <vector>
 
 #include "libeditnerf/tracking/part_growth.h"
+#include "libeditnerf/tracking/still_points.h"
 #include "libeditnerf/training/depth_targets.h"
 
 namespace editnerf {
 
-struct Sighting {
-  int64_t frame = 0;
-  Pixel pixel;
-};
-
-// How badly the best static point between near and far explains where a pixel was seen: the mean over the sightings, at
-// least one, of the squared distance in units of 2.5 pixels at 320 wide, none counted for more than 16.
-double CostOfStillness(const Clip& clip, const std::vector<Sighting>& sightings, double near, double far);
-
-// From this cost on something moves. What is static but badly followed costs up to 3.9 on the synthetic scenes.
-constexpr double kLeastGain = 4;
-
 struct MovingPart {
   RigidPart body;
   double range = 0;   // pixels at 320 wide: how far its points go, seen from their median place
-  double gain = 0;    // by how much it explains its pixels better than static points do: costs as above, summed
+  double gain = 0;    // by how much it explains its pixels better than static points do: costs (stillness.h), summed
   double weight = 0;  // the gain times the square of its mean: fits to slipped tracks gain little in many places
 };
 
@@ -33,9 +22,9 @@ struct MovingParts {
 };
 
 // Parts are grown from where most tracks lie that belong to none yet, until several in a row are light beside the
-// heaviest. near, far: scene units, as for TrackMovingPixels. Throws Interrupted.
-MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, DirectFlows* direct, double near,
-                            double far);
+// heaviest. range: scene units, as for TrackMovingPixels. Throws Interrupted.
+MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, DirectFlows* direct,
+                            const DepthRange& range);
 
 // Whether a part moves as the other does, judged from a few frames to the next: in most places in which it moves at
 // all, the other would carry it along about as far. So fragments of one part, and what flow drags along at its edge,

@@ -16,14 +16,11 @@ size_t At(int64_t i) { return static_cast<size_t>(i); }
 class PartView {
  public:
   PartView(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part)
-      : clip_(clip), tracks_(tracks), part_(part) {
-    for (int64_t t = 0; t < clip.num_frames(); ++t)
-      if (part.seen[At(t)]) seen_.push_back(t);
-  }
+      : clip_(clip), tracks_(tracks), part_(part) {}
 
   const PartPoint& Choose() const {
     std::vector<double> ranges;
-    for (const PartPoint& point : part_.points) ranges.push_back(PointRange(part_, ToVec3(point.position), seen_));
+    for (const PartPoint& point : part_.points) ranges.push_back(PointRange(part_, ToVec3(point.position)));
     std::vector<double> sorted = ranges;
     std::sort(sorted.begin(), sorted.end());
     const double least = kFarShare * sorted[sorted.size() * 9 / 10];
@@ -72,8 +69,6 @@ class PartView {
     return count;
   }
 
-  const std::vector<int64_t>& seen() const { return seen_; }
-
  private:
   const FlowTrack& Longest(const PartPoint& point) const {
     const auto longest = std::max_element(point.tracks.begin(), point.tracks.end(), [&](size_t a, size_t b) {
@@ -85,7 +80,6 @@ class PartView {
   const Clip& clip_;
   const std::vector<FlowTrack>& tracks_;
   const RigidPart& part_;
-  std::vector<int64_t> seen_;
 };
 
 Candidate ToCandidate(const Clip& clip, const MovingParts& moving, const MovingPart& part) {

@@ -6,20 +6,19 @@
 #include <optional>
 #include <vector>
 
-#include "libeditnerf/tracking/part_solver.h"
+#include "libeditnerf/tracking/part_fit.h"
 
 namespace editnerf {
 
-struct PartSeed {
-  int64_t frame = 0;
-  Pixel pixel;
-  double distance = 0;  // scene units; a guess
+struct GrowthOptions {
+  PartSolverOptions solver;
+  int64_t look_again_from = 0;  // pixels that follow the part, from which it is looked for again: that takes its time
 };
 
 // Empty where too few tracks around the seed move as one. `taken`: one flag a track, those that belong to other parts.
 // Tracks on which the part was found again are appended to `tracks`, and flags to `taken`.
 std::optional<RigidPart> GrowPart(const Clip& clip, DirectFlows* direct, const PartSeed& seed,
                                   std::vector<FlowTrack>* tracks, std::vector<bool>* taken,
-                                  const PartSolverOptions& options = {});
+                                  const GrowthOptions& options = {});
 
 }  // namespace editnerf

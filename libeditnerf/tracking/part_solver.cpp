@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libeditnerf/tracking/cost_terms.h"
+
 namespace editnerf {
 namespace {
 
@@ -36,35 +38,12 @@ struct PixelTerm {
   }
 };
 
-struct AccelerationTerm {
-  double weight;
-
-  template <class T>
-  bool operator()(const T* before, const T* now, const T* after, T* residual) const {
-    for (int i = 0; i < 3; ++i) residual[i] = T(weight) * (before[i] - T(2) * now[i] + after[i]);
-    return true;
-  }
-};
-
 struct DifferenceTerm {
   double weight;
 
   template <class T>
   bool operator()(const T* a, const T* b, T* residual) const {
     for (int i = 0; i < 3; ++i) residual[i] = T(weight) * (a[i] - b[i]);
-    return true;
-  }
-};
-
-struct NearTerm {
-  Vec3 target;
-  double weight;
-
-  template <class T>
-  bool operator()(const T* position, T* residual) const {
-    residual[0] = T(weight) * (position[0] - T(target.x));
-    residual[1] = T(weight) * (position[1] - T(target.y));
-    residual[2] = T(weight) * (position[2] - T(target.z));
     return true;
   }
 };
@@ -108,8 +87,8 @@ class Solver {
                                     new DifferenceTerm{1 / (options_.shift_pixels * per_pixel_)}),
                                 new ceres::HuberLoss(kTotalVariation), Translation(a), Translation(b));
       if (i == 0 || frames[i - 1] != a - 1 || b != a + 1) continue;
-      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<AccelerationTerm, 3, 3, 3, 3>(
-                                    new AccelerationTerm{1 / (options_.acceleration_pixels * per_pixel_)}),
+      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<SmoothnessTerm, 3, 3, 3, 3>(
+                                    new SmoothnessTerm{1 / (options_.acceleration_pixels * per_pixel_)}),
                                 new ceres::HuberLoss(kRobustScale), Translation(a - 1), Translation(a), Translation(b));
     }
   }
@@ -122,9 +101,9 @@ class Solver {
 
   void AddShape() {
     for (PartPoint& point : part_.points)
-      problem_.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<NearTerm, 3, 3>(new NearTerm{part_.center, 1 / (options_.shape * distance_)}),
-          nullptr, point.position.data());
+      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<AnchorTerm, 3, 3>(
+                                    new AnchorTerm{part_.center, 1 / (options_.shape * distance_)}),
+                                nullptr, point.position.data());
   }
 
   void Hold(double* block) {

@@ -21,7 +21,6 @@ struct PartSolverOptions {
   double shape = 0.15;               // of a point from the part's centre, as a share of the part's distance
   bool turns = true;                 // false: the rotations stay what they are
   int iterations = 25;
-  int64_t look_again_from = 0;  // observations from which a lost part is looked for again: that takes its time
 };
 
 // Frame t's pose alone, from the part's points seen there; begins from the pose that is there. `towards`: a frame from

@@ -2,7 +2,7 @@
 
 #include <ceres/rotation.h>
 
-#include <algorithm>
+#include "libeditnerf/tracking/track_relation.h"
 
 namespace editnerf {
 
@@ -32,21 +32,11 @@ std::vector<int64_t> SeenFrames(const RigidPart& part) {
   return frames;
 }
 
-double PointRange(const RigidPart& part, const Vec3& position, const std::vector<int64_t>& frames) {
-  if (frames.empty()) return 0;
-  std::vector<double> x, y, z, distance;
-  for (const int64_t t : frames) {
-    const Vec3 at = part.Place(t, position);
-    x.push_back(at.x), y.push_back(at.y), z.push_back(at.z);
-  }
-  const auto quantile = [](std::vector<double> values, double share) {
-    const auto at = values.begin() + static_cast<int64_t>(share * static_cast<double>(values.size() - 1));
-    std::nth_element(values.begin(), at, values.end());
-    return *at;
-  };
-  const Vec3 median = {quantile(x, 0.5), quantile(y, 0.5), quantile(z, 0.5)};
-  for (size_t i = 0; i < x.size(); ++i) distance.push_back(Norm(Vec3{x[i], y[i], z[i]} - median));
-  return quantile(distance, 0.95);
+double PointRange(const RigidPart& part, const Vec3& position) {
+  PointTrack track;
+  for (size_t t = 0; t < part.seen.size(); ++t) track.position.push_back(part.Place(static_cast<int64_t>(t), position));
+  track.visible = part.seen;
+  return MeasureTrackMotion(track).range;
 }
 
 }  // namespace editnerf

@@ -42,7 +42,7 @@ inline std::array<double, 3> ToArray(const Vec3& p) { return {p.x, p.y, p.z}; }
 
 std::vector<int64_t> SeenFrames(const RigidPart& part);  // in time order
 
-// How far a point goes: the 95th percentile of its distances from its median place, over the given frames; scene units.
-double PointRange(const RigidPart& part, const Vec3& position, const std::vector<int64_t>& frames);
+// How far a point goes in the frames that see the part: TrackMotion::range (track_relation.h), scene units.
+double PointRange(const RigidPart& part, const Vec3& position);
 
 }  // namespace editnerf

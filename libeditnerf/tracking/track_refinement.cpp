@@ -9,6 +9,7 @@
 #include <deque>
 
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/tracking/cost_terms.h"
 
 namespace editnerf {
 namespace {
@@ -62,29 +63,6 @@ struct SkipTerm {
     if (!ProjectPoint(camera, point, projected)) return false;
     residual[0] = T(weight) * (projected[0] - T(pixel.u));
     residual[1] = T(weight) * (projected[1] - T(pixel.v));
-    return true;
-  }
-};
-
-struct SmoothnessTerm {
-  double weight;
-
-  template <class T>
-  bool operator()(const T* before, const T* point, const T* after, T* residual) const {
-    for (int i = 0; i < 3; ++i) residual[i] = T(weight) * (before[i] - T(2) * point[i] + after[i]);
-    return true;
-  }
-};
-
-struct AnchorTerm {
-  Vec3 target;
-  double weight;
-
-  template <class T>
-  bool operator()(const T* point, T* residual) const {
-    residual[0] = T(weight) * (point[0] - T(target.x));
-    residual[1] = T(weight) * (point[1] - T(target.y));
-    residual[2] = T(weight) * (point[2] - T(target.z));
     return true;
   }
 };

@@ -3,18 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libeditnerf/base/percentile.h"
+
 namespace editnerf {
 namespace {
 
 constexpr int64_t kLeastCommonFrames = 5;
 constexpr double kLeastCorrelation = 0.6;
-
-double Percentile(std::vector<double> values, double share) {
-  if (values.empty()) return 0;
-  const auto k = static_cast<int64_t>(std::lround(share * static_cast<double>(values.size() - 1)));
-  std::nth_element(values.begin(), values.begin() + k, values.end());
-  return values[static_cast<size_t>(k)];
-}
 
 double Correlation(const std::vector<double>& a, const std::vector<double>& b) {
   double mean_a = 0, mean_b = 0, aa = 0, bb = 0, ab = 0;

@@ -6,6 +6,7 @@
 #include "libeditnerf/tracking/moving_parts.h"
 #include "libeditnerf/tracking/part_candidates.h"
 #include "libeditnerf/tracking/part_scale.h"
+#include "libeditnerf/tracking/stillness.h"
 #include "tests/catch.h"
 
 using namespace editnerf;
@@ -140,7 +141,7 @@ TEST_CASE("static points explain what stands still, and not what moves") {
     std::vector<Sighting> sightings;
     const FlowTrack& track = body.tracks[0];
     for (int64_t t = track.first; t < track.end(); ++t) sightings.push_back({t, track.At(t)});
-    return CostOfStillness(body.clip, sightings, 0.5, 3);
+    return CostOfStillness(body.clip, sightings, {0.5, 3});
   };
   CHECK(cost(still) < 0.1);
   CHECK(cost(moving) > kLeastGain);
@@ -173,7 +174,7 @@ TEST_CASE("a key point on a rigid part goes as far as its part and is known in e
   CHECK(candidate.pixels.CountVisible() > kFrames / 2);
   std::vector<double> ranges;
   for (const PartPoint& point : moving.parts[0].body.points)
-    ranges.push_back(PointRange(moving.parts[0].body, ToVec3(point.position), SeenFrames(moving.parts[0].body)));
+    ranges.push_back(PointRange(moving.parts[0].body, ToVec3(point.position)));
   std::sort(ranges.begin(), ranges.end());
   CHECK(candidate.motion.range > ranges[ranges.size() / 2]);
   for (const Vec3& p : candidate.track.position) CHECK(std::isfinite(Norm(p)));

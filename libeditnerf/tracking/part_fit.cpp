@@ -1,0 +1,242 @@
+#include "libeditnerf/tracking/part_fit.h"
+
+#include <ceres/rotation.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "libeditnerf/base/percentile.h"
+#include "libeditnerf/tracking/part_scale.h"
+
+namespace editnerf {
+namespace {
+
+constexpr size_t kLeastPoints = 6;
+constexpr double kInlier = 2.5;                      // pixels at 320 wide
+constexpr double kInlierShare = 0.7;                 // of a track's pixels
+constexpr int64_t kLeastSeen = 4;                    // points in a frame
+constexpr int64_t kLeastOverlap = 6;                 // known frames of a track that is to be triangulated
+constexpr size_t kFewPoints = 40, kMostPoints = 90;  // in a solution on the way, and in the last ones
+constexpr int kFewIterations = 15;
+constexpr double kNearest = 0.75, kFarthest = 1.33;  // of a point, as a share of the part's distance
+constexpr double kTurnsNeeded = 1.2;                 // times the mean miss: what leaving out the turns may cost
+constexpr double kKeptWithout = 0.9;                 // of the pixels that must go on to follow the part
+
+size_t At(int64_t t) { return static_cast<size_t>(t); }
+
+}  // namespace
+
+bool PartFit::Share::Enough() const { return static_cast<double>(agree) >= kInlierShare * static_cast<double>(count); }
+
+PartFit::PartFit(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options)
+    : clip_(clip), tracks_(tracks), options_(options), inlier_(kInlier * clip.PixelScale()) {}
+
+void PartFit::Begin(const PartSeed& seed, const std::vector<size_t>& near) {
+  const size_t frames = At(clip_.num_frames());
+  part_.reference = seed.frame;
+  part_.pose.assign(frames, {});
+  part_.seen.assign(frames, false);
+  part_.seen[At(seed.frame)] = true;
+  part_.center = clip_.Lift(seed.frame, seed.pixel, seed.distance);
+  placement_.resize(frames);
+  UpdatePlacements();
+  const Camera& camera = clip_.cameras[At(seed.frame)];
+  const Vec3 axis = camera.orientation.Row(2);
+  const double depth = Dot(part_.center - camera.position, axis);
+  for (const size_t i : near) {
+    const Vec3 direction = camera.DirectionThrough(tracks_[i].At(seed.frame).u, tracks_[i].At(seed.frame).v);
+    part_.points.push_back({{i}, ToArray(camera.position + direction * (depth / Dot(direction, axis)))});
+  }
+}
+
+bool PartFit::Extend(int64_t t, int64_t from) {
+  part_.pose[At(t)] = part_.pose[At(from)];
+  std::vector<double> du, dv;
+  double depth = 0;
+  for (const PartPoint& point : part_.points) {
+    const FlowTrack* track = TrackIn(point, t);
+    const Projected at = Project(clip_.cameras[At(t)], part_.Place(t, ToVec3(point.position)));
+    if (!track || !at.valid) continue;
+    depth += at.depth;
+    du.push_back(track->At(t).u - at.u), dv.push_back(track->At(t).v - at.v);
+  }
+  const auto known = static_cast<int64_t>(du.size());
+  if (known < kLeastSeen) return false;
+  depth /= static_cast<double>(known);
+  const Camera& camera = clip_.cameras[At(t)];
+  const Vec3 shift =
+      (camera.orientation.Row(0) * Percentile(du, 0.5) + camera.orientation.Row(1) * Percentile(dv, 0.5)) *
+      (depth / camera.focal_length);
+  part_.pose[At(t)].translation = ToArray(ToVec3(part_.pose[At(t)].translation) + shift);
+  if (!SolvePose(clip_, tracks_, options_, t, from, &part_)) return false;
+  UpdatePlacement(t);
+  int64_t agree = 0;
+  for (const PartPoint& point : part_.points) {
+    const FlowTrack* track = TrackIn(point, t);
+    agree += track && Miss(point, *track, t) < inlier_;
+  }
+  part_.seen[At(t)] = agree >= kLeastSeen && 2 * agree >= known;
+  return part_.seen[At(t)];
+}
+
+const FlowTrack* PartFit::TrackIn(const PartPoint& point, int64_t t) const {
+  for (const size_t i : point.tracks)
+    if (tracks_[i].Covers(t)) return &tracks_[i];
+  return nullptr;
+}
+
+// Pixels between where the part has the point and where the track goes.
+double PartFit::Miss(const PartPoint& point, const FlowTrack& track, int64_t t) const {
+  const Placement& place = placement_[At(t)];
+  const Vec3 at = place.turn * (ToVec3(point.position) - part_.center) + place.center;
+  const Projected projected = Project(clip_.cameras[At(t)], at);
+  return projected.valid ? Distance({projected.u, projected.v}, track.At(t)) : INFINITY;
+}
+
+PartFit::Share PartFit::Agreement(const PartPoint& point, const FlowTrack& track) const {
+  Share share;
+  for (int64_t t = track.first; t < track.end(); ++t) {
+    if (!part_.seen[At(t)]) continue;
+    ++share.count;
+    share.agree += Miss(point, track, t) < inlier_;
+  }
+  return share;
+}
+
+int64_t PartFit::Observations(const PartPoint& point) const {
+  int64_t sum = 0;
+  for (const size_t i : point.tracks) sum += Agreement(point, tracks_[i]).agree;
+  return sum;
+}
+
+int64_t PartFit::Observations() const {
+  int64_t sum = 0;
+  for (const PartPoint& point : part_.points) sum += Observations(point);
+  return sum;
+}
+
+// Mean of the misses, none counted for more than an outlier.
+double PartFit::MeanMiss() const {
+  double sum = 0;
+  int64_t count = 0;
+  for (const PartPoint& point : part_.points) {
+    for (const size_t i : point.tracks) {
+      for (int64_t t = tracks_[i].first; t < tracks_[i].end(); ++t) {
+        if (!part_.seen[At(t)]) continue;
+        sum += std::min(Miss(point, tracks_[i], t), inlier_), ++count;
+      }
+    }
+  }
+  return sum / static_cast<double>(count);
+}
+
+bool PartFit::SolveOnTheWay() { return Solve(kFewPoints, kFewIterations); }
+bool PartFit::SolveAtLast() { return Solve(kMostPoints, options_.iterations); }
+
+bool PartFit::Solve(size_t most_points, int iterations) {
+  std::vector<PartPoint> rest;
+  if (part_.points.size() > most_points) {
+    std::stable_sort(part_.points.begin(), part_.points.end(),
+                     [&](const PartPoint& a, const PartPoint& b) { return Observations(a) > Observations(b); });
+    rest.assign(part_.points.begin() + static_cast<int64_t>(most_points), part_.points.end());
+    part_.points.resize(most_points);
+  }
+  PartSolverOptions options = options_;
+  options.iterations = iterations;
+  SolvePart(clip_, tracks_, options, SeenFrames(part_), &part_);
+  UpdatePlacements();
+  for (PartPoint& point : rest)
+    if (Triangulate(&point)) part_.points.push_back(point);
+  return Prune();
+}
+
+void PartFit::UpdatePlacement(int64_t t) {
+  double columns[9];
+  ceres::AngleAxisToRotationMatrix(part_.pose[At(t)].rotation.data(), columns);
+  Placement& place = placement_[At(t)];
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c) place.turn(r, c) = columns[3 * c + r];
+  place.center = part_.center + ToVec3(part_.pose[At(t)].translation);
+}
+
+void PartFit::UpdatePlacements() {
+  for (int64_t t = 0; t < clip_.num_frames(); ++t) UpdatePlacement(t);
+}
+
+bool PartFit::Prune() {
+  for (PartPoint& point : part_.points) {
+    const auto leaves = [&](size_t i) { return !Agreement(point, tracks_[i]).Enough(); };
+    point.tracks.erase(std::remove_if(point.tracks.begin(), point.tracks.end(), leaves), point.tracks.end());
+  }
+  const auto empty = [](const PartPoint& point) { return point.tracks.empty(); };
+  part_.points.erase(std::remove_if(part_.points.begin(), part_.points.end(), empty), part_.points.end());
+  return part_.points.size() >= kLeastPoints;
+}
+
+bool PartFit::Triangulate(PartPoint* point) const {
+  const FlowTrack& track = tracks_[point->tracks.front()];
+  std::vector<int64_t> frames;
+  for (int64_t t = track.first; t < track.end(); ++t)
+    if (part_.seen[At(t)]) frames.push_back(t);
+  if (static_cast<int64_t>(frames.size()) < kLeastOverlap) return false;
+  const int64_t middle = frames[frames.size() / 2];
+  const size_t stride = std::max<size_t>(1, frames.size() / 10);
+  const Placement& place = placement_[At(middle)];
+  const Camera& camera = clip_.cameras[At(middle)];
+  const Vec3 ray = camera.DirectionThrough(track.At(middle).u, track.At(middle).v);
+  const double around = Norm(place.center - camera.position);
+  double least = INFINITY, low = kNearest, high = kFarthest;
+  PartPoint trial = *point;
+  for (int round = 0; round < 2; ++round) {
+    constexpr int kTrials = 13;
+    const double step = (high - low) / (kTrials - 1);
+    double best = 1;
+    for (int i = 0; i < kTrials; ++i) {
+      const double share = low + step * i;
+      const Vec3 at = camera.position + ray * (share * around) - place.center;
+      trial.position = ToArray(place.turn.Transposed() * at + part_.center);
+      double cost = 0;
+      for (size_t k = 0; k < frames.size(); k += stride) cost += std::min(Miss(trial, track, frames[k]), 2 * inlier_);
+      if (cost < least) least = cost, best = share, point->position = trial.position;
+    }
+    low = best - step, high = best + step;
+  }
+  return Agreement(*point, track).Enough();
+}
+
+void PartFit::Settle() {
+  part_ = ScaledFromCameras(clip_, part_, ShortestWay(clip_, tracks_, part_));
+  UpdatePlacements();
+}
+
+bool PartFit::LeaveOutTurns() {
+  const RigidPart turning = part_;
+  const int64_t turned = Observations();
+  const double miss = MeanMiss();
+  for (RigidPose& pose : part_.pose) pose.rotation = {0, 0, 0};
+  options_.turns = false;
+  const bool solved = Solve(kMostPoints, options_.iterations);
+  if (solved && MeanMiss() < kTurnsNeeded * miss &&
+      static_cast<double>(Observations()) >= kKeptWithout * static_cast<double>(turned)) {
+    return true;
+  }
+  part_ = turning;
+  options_.turns = true;
+  UpdatePlacements();
+  return false;
+}
+
+RigidPart PartFit::Finished() const {
+  RigidPart part = part_;
+  part.observations = Observations();
+  part.turns = options_.turns;
+  const std::vector<int64_t> seen = SeenFrames(part_);
+  for (int64_t t = 0; t < clip_.num_frames(); ++t) {
+    const auto nearest = std::min_element(seen.begin(), seen.end(),
+                                          [t](int64_t a, int64_t b) { return std::abs(a - t) < std::abs(b - t); });
+    part.pose[At(t)] = part_.pose[At(*nearest)];
+  }
+  return part;
+}
+
+}  // namespace editnerf

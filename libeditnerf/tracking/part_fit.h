@@ -1,0 +1,84 @@
+// A rigid part while it grows: which tracks follow it where its pose is known, and least squares over them.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "libeditnerf/tracking/part_solver.h"
+
+namespace editnerf {
+
+struct PartSeed {
+  int64_t frame = 0;
+  Pixel pixel;
+  double distance = 0;  // scene units; a guess
+};
+
+// `tracks` may grow outside. Frames are known where part().seen; a track follows the part where it stays within 2.5
+// pixels at 320 wide of its point, and belongs to it where it does so in most of the known frames that it covers.
+class PartFit {
+ public:
+  PartFit(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options);
+
+  // The given tracks, all of which cover the seed's frame, on a plane there that faces the camera.
+  void Begin(const PartSeed& seed, const std::vector<size_t>& near);
+
+  // Finds frame t's pose, beginning from that of frame `from`. False, and unknown as before, where too few follow.
+  bool Extend(int64_t t, int64_t from);
+
+  // Poses and points of all known frames, by the longest tracks; the others follow, or leave. False where too few are
+  // left.
+  bool SolveOnTheWay();
+  bool SolveAtLast();
+
+  // Leaves all rotations out where the tracks are explained about as well without them, and says whether it did. What
+  // else they would explain is flow's errors.
+  bool LeaveOutTurns();
+
+  // Moves the part to the distance at which it has the shortest way to go (part_scale.h).
+  void Settle();
+
+  // Where on its ray a point's first track follows the part best; false where it does not follow.
+  bool Triangulate(PartPoint* point) const;
+
+  void Add(const PartPoint& point) { part_.points.push_back(point); }
+  void AddTrack(size_t point, size_t track) { part_.points[point].tracks.push_back(track); }
+  void SetPoints(const std::vector<PartPoint>& points) { part_.points = points; }
+
+  // The track of a point that covers frame t, or null.
+  const FlowTrack* TrackIn(const PartPoint& point, int64_t t) const;
+
+  int64_t Observations() const;  // pixels that follow
+  const RigidPart& part() const { return part_; }
+
+  // The part, with the poses of unknown frames taken from the nearest known one.
+  RigidPart Finished() const;
+
+ private:
+  struct Placement {
+    Mat3 turn;
+    Vec3 center;
+  };
+  struct Share {
+    int64_t agree = 0, count = 0;
+    bool Enough() const;
+  };
+
+  double Miss(const PartPoint& point, const FlowTrack& track, int64_t t) const;
+  Share Agreement(const PartPoint& point, const FlowTrack& track) const;
+  int64_t Observations(const PartPoint& point) const;
+  double MeanMiss() const;
+  bool Solve(size_t most_points, int iterations);
+  bool Prune();
+  void UpdatePlacement(int64_t t);
+  void UpdatePlacements();
+
+  const Clip& clip_;
+  const std::vector<FlowTrack>& tracks_;
+  PartSolverOptions options_;
+  double inlier_;
+  RigidPart part_;
+  std::vector<Placement> placement_;  // T, of part_.pose
+};
+
+}  // namespace editnerf
