@@ -14,7 +14,9 @@ int main(int argc, char** argv) {
       [&](CLI::App& app) {
         app.add_option("INPUT", request.input, "video, folder of images, or scene folder")->required();
         app.add_option("--out", request.work, "folder for everything that is made")->required();
-        app.add_option("--time-budget", request.time_budget, "seconds for what is still to do")
+        app.add_option("--time-budget", request.time_budget,
+                       "seconds for what is still to do; where COLMAP finds the poses, at "
+                       "least 60 % of them come after it")
             ->check(CLI::PositiveNumber);
         app.add_option("--max-frames", request.max_frames, "frames taken of a video, evenly spaced")
             ->check(CLI::PositiveNumber)

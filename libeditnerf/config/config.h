@@ -21,8 +21,8 @@ struct DataConfig {
     v("max_side", max_side, "longest image side in pixels when image_factor is 0", Between(16, 16384));
     v("hold_out", hold_out,
       "where the scene names no validation frames: 'odd' keeps every second frame from training, as the paper does for "
-      "real captures; 'none' trains on all; 'auto' is 'odd' from 16 frames on",
-      OneOf{{"auto", "odd", "none"}});
+      "real captures; 'eighth' every eighth; 'none' trains on all; 'auto' is 'eighth' from 16 frames on",
+      OneOf{{"auto", "eighth", "odd", "none"}});
   }
 };
 

@@ -26,6 +26,7 @@ namespace fs = std::filesystem;
 constexpr double kPretrainShare = 0.25;
 constexpr double kReportShare = 0.2;
 constexpr double kFewestSeconds = 10;
+constexpr double kLearnShare = 0.6;  // of the budget that is left for the rest, however long the poses take
 
 // The stages that are done, with their seconds, in WORK/stages.json.
 class StageBook {
@@ -101,7 +102,8 @@ void RunWholeWay(const WholeWayRequest& request) {
   CheckConfig(request);
   StageBook book(work);
   Config config = request.config;
-  const auto left = [&] { return std::max(kFewestSeconds, request.time_budget - clock.Seconds()); };
+  double budget = request.time_budget;
+  const auto left = [&] { return std::max(kFewestSeconds, budget - clock.Seconds()); };
 
   book.Do("scene", [&] {
     if (IsSceneFolder(request.input)) return LinkScene(request.input, scene_folder);
@@ -111,6 +113,12 @@ void RunWholeWay(const WholeWayRequest& request) {
     options.colmap.threads = request.threads;
     options.colmap.seed = request.seed;
     SolvePoses(request.input, scene_folder, options);
+    const double least = clock.Seconds() + kLearnShare * budget;
+    if (budget > 0 && budget < least) {
+      LogWarning("the poses took {:.0f} s of a budget of {:.0f} s; going on for {:.0f} s more", clock.Seconds(), budget,
+                 kLearnShare * budget);
+      budget = least;
+    }
   });
   const Scene scene = OpenScene(scene_folder, config.data);
   LogInfo("{} training frames of {} x {} pixels, {} held out", scene.train.size(), scene.width(), scene.height(),

@@ -22,7 +22,8 @@ struct WholeWayRequest {
   std::filesystem::path work;
   Config config;
   torch::Device device = torch::kCPU;
-  double time_budget = 0;    // seconds for everything that is still to do; 0: what the configuration says
+  double time_budget = 0;    // seconds for everything that is still to do (at least 60 % of them after
+                             // the poses, whose time nobody can set); 0: what the configuration says
   int64_t max_frames = 200;  // of a video
   int64_t seed = 1, threads = 0;
   std::string command;  // for the report

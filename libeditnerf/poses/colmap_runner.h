@@ -17,9 +17,9 @@ struct ColmapOptions {
   std::string camera_model = "SIMPLE_RADIAL";  // or OPENCV, RADIAL, PINHOLE, SIMPLE_PINHOLE
   int64_t threads = 0;                         // 0: all that this process may use
   int64_t seed = 0;
-  int64_t exhaustive_limit = 120;  // images up to which every pair is matched
-  int64_t neighbours = 10;         // beyond: each image with this many after it, and ...
-  int64_t loop_images = 40;        // ... every pair among this many evenly spaced images
+  int64_t exhaustive_limit = 40;  // images up to which every pair is matched
+  int64_t neighbours = 10;        // beyond: each image with this many after it, and ...
+  int64_t loop_images = 20;       // ... every pair among this many evenly spaced images
 };
 
 struct ColmapResult {

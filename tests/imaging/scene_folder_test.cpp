@@ -184,7 +184,7 @@ TEST_CASE("the automatic factor is the smallest that respects max_side") {
   CHECK(ImageFactor(config, 320, 180) == 4);
 }
 
-TEST_CASE("every second frame is held out where the folder names no validation frames") {
+TEST_CASE("every second or eighth frame is held out where the folder names no validation frames") {
   const ScratchFolder folder;
   const auto read = [&](int64_t frames, const std::string& hold_out) {
     WriteSceneFolder(SmallScene(frames, false), folder.path());
@@ -197,7 +197,8 @@ TEST_CASE("every second frame is held out where the folder names no validation f
   CHECK(odd.val == std::vector<int64_t>{1, 3});
   CHECK(odd.frames[3].warp_id == 3);
   CHECK(read(15, "auto").val.empty());
-  CHECK(read(16, "auto").val.size() == 8);
+  CHECK(read(16, "auto").val == std::vector<int64_t>{4, 12});
+  CHECK(read(6, "eighth").val == std::vector<int64_t>{4});
   CHECK(read(16, "none").val.empty());
   CHECK_THAT(MessageOf<ConfigError>([&] { read(2, "odd"); }), HasText("'odd' leaves 1 of 2 training frames"));
 }
