@@ -68,6 +68,7 @@ struct StageConfig {
   double lambda_ambient = 0;        // of the squared ambient coordinates at surface points (pretraining)
   double lambda_distortion = 0;     // of the distortion loss of mip-NeRF 360, in normalised ray distance
   double lambda_depth = 0;          // of the share of the depth by which a known distance is missed
+  double still_share = 0;           // of the rays: through what stands still, under key points drawn anew
   bool random_background = false;   // composite on random colours after 200 steps
   int64_t log_every = 50;           // steps
   int64_t evaluate_every = 2000;    // steps between held-out measurements; 0: none
@@ -94,6 +95,10 @@ struct StageConfig {
     v("lambda_distortion", lambda_distortion, "weight of the distortion loss", AtLeast(0));
     v("lambda_depth", lambda_depth,
       "weight of missing the static scene's triangulated distances, as a share of them (pretraining)", AtLeast(0));
+    v("still_share", still_share,
+      "share of the rays that go through places known to stand still and must show them with the key points anywhere "
+      "(training)",
+      Between(0.0, 0.9));
     v("random_background", random_background, "composite on random colours once the field has taken shape");
     v("log_every", log_every, "steps between rows of metrics.csv", AtLeast(1));
     v("evaluate_every", evaluate_every, "steps between held-out measurements; 0 for none", AtLeast(0));
@@ -107,7 +112,6 @@ struct FlowConfig {
   std::string weights;      // file; empty: none
   int64_t iterations = 12;  // of RAFT
   int64_t enlarge = 2;      // times, before RAFT
-  bool rigid_parts = true;  // key points on rigid parts of flow tracks; false: on the maxima of the volume
   bool refine = true;       // DIS from RAFT's flow
 
   template <class Visitor>
@@ -120,9 +124,6 @@ struct FlowConfig {
     v("iterations", iterations, "updates of RAFT", Between(1, 100));
     v("enlarge", enlarge, "whole factor by which images are enlarged for RAFT, which sees an eighth of their size",
       Between(1, 8));
-    v("rigid_parts", rigid_parts,
-      "key points on rigid parts fitted to flow tracks; false takes the maxima of the variance volume, as the paper "
-      "does");
     v("refine", refine, "let dense inverse search begin from RAFT's flow, for fractions of a pixel");
   }
 };

@@ -31,10 +31,9 @@ struct BundledRays {
   // The first sample that is looked at: a few before `start`, as it may be known from neighbours only. None, where it
   // is infinite.
   int64_t FirstSample(int64_t ray) const {
-    constexpr int64_t kEarlier = 2;
     if (start == nullptr) return 0;
     if (std::isinf(start[ray])) return steps.count;
-    return std::max<int64_t>(0, steps.SampleBehind(start[ray], jitter[ray]) - kEarlier);
+    return std::max<int64_t>(0, steps.SampleBehind(start[ray], jitter[ray]) - kSamplesBeforeStart);
   }
 };
 

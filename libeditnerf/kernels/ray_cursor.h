@@ -46,6 +46,9 @@ class RayInGrid {
   double per_cell_[3];  // negative on the way down, infinite where the axis stands still
 };
 
+// So many samples before the distance at which a ray is said to begin are looked at all the same.
+constexpr int64_t kSamplesBeforeStart = 2;
+
 // Equal steps: sample i of a ray lies at near + (i + jitter) * step, rounded as MarchCandidates does it.
 struct MarchedSteps {
   float near = 0, step = 0;

@@ -66,7 +66,7 @@ LoadedRun Reopen(const Scene& scene, const StageRequest& request, FieldStage sta
 }
 
 Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage, const torch::Tensor& tracks,
-               std::optional<KeyPointSupervision> supervision, const DepthTargets& depth) {
+               std::optional<KeyPointSupervision> supervision, const DepthTargets& depth, const DepthTargets& still) {
   LoadedRun loaded;
   const bool resumed = request.resume && HasCheckpoint(request.out);
   if (resumed) {
@@ -79,6 +79,7 @@ Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage
   LogInfo("{}", ToText(PlanMemory(loaded.run, scene)));
   Trainer trainer(loaded.run, scene, std::move(supervision), request.out);
   trainer.SetDepthTargets(depth);
+  trainer.SetStillPlaces(still);
   if (resumed) trainer.Resume(loaded.extra);
   trainer.Train();
   return trainer.run();
@@ -173,7 +174,7 @@ void RunPretraining(const Scene& scene, const StageRequest& request) {
   if (request.config.pretrain.lambda_depth > 0) {
     depth = StillDepthOf(scene, *MakeOpticalFlow(request.config.flow), request.out);
   }
-  Run run = TrainStage(scene, request, FieldStage::kPretrain, torch::Tensor(), std::nullopt, depth);
+  Run run = TrainStage(scene, request, FieldStage::kPretrain, torch::Tensor(), std::nullopt, depth, DepthTargets());
   const PretrainedMaps maps = RenderSurfaceMaps(run, scene);
   WritePretrainedMaps(maps, scene, request.out);
   if (scene.truth) WriteDepthErrors(MeasureDepthErrors(maps.depth, scene), request.out / "depth_error.json");
@@ -194,10 +195,12 @@ DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const fs::path& fold
   KeyPointSupervision supervision;
   supervision.depth = ReadMedianDepths(folder, ids);
   supervision.flow = ReadFlows(folder, ids);
-  const fs::path known = KnownDepthPath(folder);
-  if (fs::exists(known)) {
-    detected.known_depth = ReadDepthTargets(known, detected.tracks.size(0), scene.height(), scene.width());
-  }
+  const auto known = [&](const fs::path& path) {
+    if (!fs::exists(path)) return DepthTargets();
+    return ReadDepthTargets(path, detected.tracks.size(0), scene.height(), scene.width());
+  };
+  detected.still_depth = known(StillDepthPath(folder));
+  detected.part_depth = known(PartDepthPath(folder));
   for (const torch::Tensor& map : {supervision.depth, supervision.flow}) {
     if (map.size(1) != scene.height() || map.size(2) != scene.width()) {
       Throw<DataError>("{}: depth and flow have {} x {} pixels, the images {} x {}; detect again at this image size",
@@ -213,8 +216,12 @@ void RunTraining(const Scene& scene, const StageRequest& request, const fs::path
   if (detected.tracks.size(1) == 0) {
     LogWarning("{}: no key points (data/k_points_auto.txt); training a static scene", detection_folder.string());
   }
+  if (request.config.train.still_share > 0 && request.config.render.sampler != "occupancy") {
+    Throw<ConfigError>("train.still_share: rays that begin on their way need render.sampler: occupancy");
+  }
+  const bool guided = request.config.train.lambda_depth > 0;
   TrainStage(scene, request, FieldStage::kTrain, detected.tracks, std::move(detected.supervision),
-             request.config.train.lambda_depth > 0 ? detected.known_depth : DepthTargets());
+             guided ? Joined(detected.still_depth, detected.part_depth) : DepthTargets(), detected.still_depth);
 }
 
 }  // namespace editnerf

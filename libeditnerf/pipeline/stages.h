@@ -45,7 +45,7 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
 struct DetectedKeyPoints {
   torch::Tensor tracks;
   std::optional<KeyPointSupervision> supervision;
-  DepthTargets known_depth;
+  DepthTargets still_depth, part_depth;  // known distances of what stands still, and of rigid parts that move
 };
 DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const std::filesystem::path& folder);
 

@@ -54,6 +54,12 @@ struct RaysInMemory {
     rays.delta = static_cast<float>((marching.far - marching.near) / static_cast<double>(marching.steps));
     rays.early_stop = marching.early_stop;
   }
+  void SetStart(const torch::Tensor& distance) {
+    if (!distance.defined()) return;
+    CheckShape(distance, {rays.count}, "start");
+    start = Floats(distance);
+    rays.start = start.data_ptr<float>();
+  }
   RaysInMemory(const RaysInMemory&) = delete;
   RaysInMemory& operator=(const RaysInMemory&) = delete;
 };
@@ -74,11 +80,7 @@ RayResult FusedMarching::Render(const FusedField& field, const RayBatch& rays, c
   const FieldKernel kernel(field, FusedStatesOf(states));
   RaysInMemory memory(rays, marching, kernel);
   const int64_t count = memory.rays.count;
-  if (options.start.defined()) {
-    CheckShape(options.start, {count}, "start");
-    memory.start = Floats(options.start);
-    memory.rays.start = memory.start.data_ptr<float>();
-  }
+  memory.SetStart(options.start);
   RayResult result;
   RayPicture picture;
   torch::Tensor background;
@@ -122,7 +124,8 @@ RayGradients FusedMarching::AddGradients(const FusedField& field, const RayBatch
                                          const Marching& marching) {
   const torch::NoGradGuard no_grad;
   const FieldKernel kernel(field, FusedStatesOf(states));
-  const RaysInMemory memory(rays, marching, kernel);
+  RaysInMemory memory(rays, marching, kernel);
+  memory.SetStart(options.start);
   const int64_t count = memory.rays.count;
   CheckShape(objective.target, {count, 3}, "target");
   const torch::Tensor target = Floats(objective.target);

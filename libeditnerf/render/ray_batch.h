@@ -26,9 +26,8 @@ struct RayOptions {
   torch::Tensor jitter;     // [R] in [0, 1], where in their intervals samples lie; undefined: random where training,
                             // otherwise the middle
   int64_t march_steps = 0;  // 0: as configured
-  torch::Tensor start;     // [R], distance before which there is nothing to see, more or less; undefined: unknown. Only
-                           // the fused kernels make use of it
-  double color_error = 0;  // share of a ray's light that may take its colour from the rest of it (fused kernels)
+  torch::Tensor start;      // [R], distance before which there is nothing to see, more or less; undefined: unknown
+  double color_error = 0;   // share of a ray's light that may take its colour from the rest of it (fused kernels)
   bool depth_only = false;  // no colours, and nothing behind the surface (median depth) is evaluated
 };
 

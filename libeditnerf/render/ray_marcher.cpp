@@ -89,6 +89,21 @@ torch::Tensor RayPadding::Unpad(const torch::Tensor& padded) const {
   return padded.reshape(WithSizes({rays_ * width_}, padded, 2)).index_select(0, position_);
 }
 
+PackedSamples SamplesFrom(const PackedSamples& samples, const torch::Tensor& start) {
+  const torch::NoGradGuard no_grad;
+  const int64_t rays = samples.offsets.size(0) - 1;
+  CheckShape(start, {rays}, "start");
+  torch::Tensor kept = (samples.t >= start.index_select(0, samples.ray)).nonzero().squeeze(1);
+  if (kept.size(0) == 0) kept = torch::zeros({1}, kept.options());
+  PackedSamples rest;
+  rest.ray = samples.ray.index_select(0, kept);
+  rest.t = samples.t.index_select(0, kept);
+  rest.delta = samples.delta.index_select(0, kept);
+  rest.offsets = torch::zeros_like(samples.offsets);
+  rest.offsets.slice(0, 1).copy_(rest.ray.bincount({}, rays).cumsum(0));
+  return rest;
+}
+
 PackedSamples MarchUntilOpaque(const PackedSamples& samples, double early_stop,
                                const std::function<torch::Tensor(const PackedSamples&)>& density) {
   constexpr int64_t kWave = 8;  // samples per ray

@@ -21,6 +21,9 @@ torch::Tensor MarchCandidates(const torch::Tensor& near, const torch::Tensor& fa
 // the first ray is, so that everything downstream has a sample and its gradients a path.
 PackedSamples PackSamples(const torch::Tensor& t, const torch::Tensor& delta, const torch::Tensor& keep);
 
+// The samples from t = start [R] on; where none remains, the first. Without gradients.
+PackedSamples SamplesFrom(const PackedSamples& samples, const torch::Tensor& start);
+
 // The samples that light still reaches, T_i >= early_stop > 0, asking for densities in waves of a few samples per ray,
 // so that little behind the first opaque surface is evaluated. What lies behind cannot change the picture by more than
 // early_stop; what lies in front always stays, also where it is empty. density(samples) -> [S]. No gradients.

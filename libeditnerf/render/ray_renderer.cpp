@@ -8,6 +8,7 @@
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/kernels/ray_cursor.h"
 #include "libeditnerf/render/sampling.h"
 
 namespace editnerf {
@@ -251,6 +252,10 @@ RayResult RayRenderer::RenderMarching(RadianceField& field, const RayBatch& rays
   {
     torch::NoGradGuard no_grad;
     samples = March(rays, states, marching);
+    if (options.start.defined()) {
+      const double earlier = kSamplesBeforeStart * (far_ - near_) / static_cast<double>(marching.steps);
+      samples = SamplesFrom(samples, options.start - earlier);
+    }
     if (marching.early_stop > 0) {
       samples = MarchUntilOpaque(samples, marching.early_stop, [&](const PackedSamples& wave) {
         return EvaluateField(field, InputAt(rays, wave.ray, wave.t), states, Level::kFine, /*with_color=*/false)

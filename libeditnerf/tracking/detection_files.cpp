@@ -9,6 +9,15 @@
 namespace editnerf {
 namespace {
 
+namespace fs = std::filesystem;
+
+// Nothing known leaves no file, also none of an earlier detection.
+void WriteOrRemove(const fs::path& path, const DepthTargets& targets) {
+  if (targets.size() > 0) return WriteDepthTargets(path, targets);
+  std::error_code ignored;
+  fs::remove(path, ignored);
+}
+
 nlohmann::json Describe(const TrackResiduals& residuals) {
   return {{"motion_pixels", residuals.motion},
           {"motion_terms", residuals.motion_terms},
@@ -67,15 +76,16 @@ void WriteDetection(const Scene& scene, const DetectionRun& run, const std::file
     WriteMedianDepth(folder, id, run.depth[static_cast<int64_t>(t)]);
     if (t + 1 < scene.train.size()) WriteFlow(folder, id, run.flows.forward[static_cast<int64_t>(t)]);
   }
-  WriteDepthTargets(KnownDepthPath(folder), run.known_depth);
+  WriteOrRemove(StillDepthPath(folder), run.still_depth);
+  WriteOrRemove(PartDepthPath(folder), run.detection.part_depth);
   WriteFileAtomically(folder / "data" / "detection.json", Describe(scene, run).dump(2) + "\n");
   WritePng(folder / "data" / "variance.png", VariancePicture(run.detection));
   WritePng(folder / "data" / "motion.png", MotionPicture(scene, run.detection));
   WritePng(folder / "data" / "tracks.png", TracksPicture(scene, run.detection));
 }
 
-std::filesystem::path KnownDepthPath(const std::filesystem::path& folder) {
-  return folder / "data" / "known_depth.safetensors";
-}
+fs::path StillDepthPath(const fs::path& folder) { return folder / "data" / "still_depth.safetensors"; }
+
+fs::path PartDepthPath(const fs::path& folder) { return folder / "data" / "part_depth.safetensors"; }
 
 }  // namespace editnerf

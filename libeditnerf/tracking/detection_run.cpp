@@ -37,14 +37,13 @@ DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, 
   DetectionRun run;
   run.flows = FlowsOf(scene, pretrained, flow, flow_cache);
   const int64_t reach = std::max<int64_t>(1, scene.width() / kWidthsPerReach);
-  run.known_depth =
+  run.still_depth =
       TriangulateStillDepth(MakeClip(scene, pretrained.depth, run.flows), scene.transform.near, scene.transform.far);
-  run.depth = PutKnownDepth(pretrained.depth, run.known_depth, reach);
+  run.depth = PutKnownDepth(pretrained.depth, run.still_depth, reach);
   PretrainedMaps maps = pretrained;
   maps.depth = run.depth;
   run.detection = DetectKeyPoints(scene, maps, run.flows, flow, config);
   run.depth = PutKnownDepth(run.depth, run.detection.part_depth, reach);
-  run.known_depth = Joined(run.known_depth, run.detection.part_depth);
   if (run.detection.part_depth.size() > 0) {
     LogInfo("rigid parts: {} places known", run.detection.part_depth.size());
     LogDepthTargetErrors(scene, run.detection.part_depth);

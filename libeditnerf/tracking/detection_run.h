@@ -17,8 +17,8 @@ struct DetectionRun {
   Detection detection;                // tracks are the refined ones where config.refine
   std::vector<RefinedTrack> refined;  // N; empty without config.refine
   FlowSequence flows;
-  torch::Tensor depth;       // [T, H, W] float32, the pretrained maps with known_depth in its places
-  DepthTargets known_depth;  // by triangulation of what stands still, and of rigid parts
+  torch::Tensor depth;       // [T, H, W] float32, the pretrained maps with known distances in their places
+  DepthTargets still_depth;  // by triangulation of what stands still; those of rigid parts: detection.part_depth
 };
 
 // Flow of the training images, detection, refinement. Notes, of which the first names the flow, go to the log; a
@@ -40,10 +40,12 @@ LocalCoordinates ToLocalCoordinates(const torch::Tensor& tracks);  // [T, N, 3],
 
 // Into `folder` (a scene folder): data/k_points_auto.txt and k_points_auto_coor_I.txt (where there are key points),
 // data/detection.json, data/variance.png, data/motion.png, data/tracks.png, depth/depth_median_ID.npy,
-// flow/flow_ID.npy, data/known_depth.safetensors. Throws DataError naming the file that cannot be written.
+// flow/flow_ID.npy, data/still_depth.safetensors, data/part_depth.safetensors. Throws DataError naming the file that
+// cannot be written.
 void WriteDetection(const Scene& scene, const DetectionRun& run, const std::filesystem::path& folder);
 
-// Where WriteDetection leaves the known distances.
-std::filesystem::path KnownDepthPath(const std::filesystem::path& folder);
+// Where WriteDetection leaves the known distances; absent where there are none.
+std::filesystem::path StillDepthPath(const std::filesystem::path& folder);
+std::filesystem::path PartDepthPath(const std::filesystem::path& folder);
 
 }  // namespace editnerf

@@ -121,7 +121,7 @@ void Trainer::AddKeyPointLosses(const FrameStates& states, NamedTensors* losses)
   FramePairs pairs;
   pairs.frame = torch::arange(frames - 1, torch::kInt64).to(run_.device);
   pairs.key_points = states.key_points.slice(0, 0, frames - 1);
-  pairs.key_points_next = states.key_points.slice(0, 1);
+  pairs.key_points_next = states.key_points.slice(0, 1, frames);
   if (stage_.lambda_motion > 0) {
     losses->emplace_back("motion", stage_.lambda_motion *
                                        MotionLoss(rays_.cameras(), supervision_->flow, pairs, stage_.reference_width));
@@ -142,13 +142,12 @@ int64_t Trainer::RaysForStep() const {
 }
 
 // Loss terms of some of the step's rays, as means over them.
-NamedTensors Trainer::RayLosses(const RayTargets& batch, const FrameStates& states, const RayOptions& options,
-                                int64_t* samples) const {
-  const RayResult result =
-      run_.renderer->Render(*run_.field, {batch.rays.origin, batch.rays.direction, batch.frame}, states, options);
+NamedTensors Trainer::RayLosses(const RayBatch& rays, const torch::Tensor& target, const FrameStates& states,
+                                const RayOptions& options, int64_t* samples) const {
+  const RayResult result = run_.renderer->Render(*run_.field, rays, states, options);
   *samples = result.samples;
   NamedTensors losses;
-  losses.emplace_back("reconstruction", ReconstructionLoss(result.rgb, result.rgb_coarse, batch.target));
+  losses.emplace_back("reconstruction", ReconstructionLoss(result.rgb, result.rgb_coarse, target));
   if (run_.config.field.warp.enabled && stage_.lambda_warp > 0) {
     losses.emplace_back(
         "warp", stage_.lambda_warp * WarpRegularisation(result.x_observed, result.x_canonical, result.depth_valid));
@@ -165,6 +164,30 @@ NamedTensors Trainer::RayLosses(const RayTargets& batch, const FrameStates& stat
 
 FrameStates Trainer::AllStates() const {
   return run_.field->States(torch::arange(rays_.cameras().size(), torch::kInt64).to(run_.device));
+}
+
+// Between two places that a key point visited: positions that an edit may ask for, each key point's by itself.
+torch::Tensor Trainer::DrawKeyPoints(int64_t count) const {
+  const torch::NoGradGuard no_grad;
+  const torch::Tensor known = AllStates().key_points;
+  if (count == 0 || !known.defined()) return {};
+  const int64_t frames = known.size(0), key_points = known.size(1);
+  const auto pick = [&] {
+    const torch::Tensor frame = torch::randint(frames, {count, key_points, 1}, torch::kInt64).to(run_.device);
+    return known.gather(0, frame.expand({count, key_points, 3}));
+  };
+  const torch::Tensor a = pick(), b = pick();
+  return torch::lerp(a, b, torch::rand({count, key_points, 1}).to(run_.device));
+}
+
+FrameStates Trainer::StatesOf(const RayTargets& batch, const torch::Tensor& drawn) const {
+  FrameStates states = AllStates();
+  if (!drawn.defined()) return states;
+  const torch::Tensor frame = batch.frame.slice(0, batch.frame.size(0) - batch.still);
+  states.key_points = torch::cat({states.key_points, drawn});
+  for (const auto code : {&FrameStates::warp_code, &FrameStates::appearance_code})
+    if ((states.*code).defined()) states.*code = torch::cat({states.*code, (states.*code).index_select(0, frame)});
+  return states;
 }
 
 // Gradients of one step. Marching on the CPU takes a share of the rays in every thread, each with its own graph: that
@@ -188,7 +211,16 @@ NamedTensors Trainer::Backward() {
     options.jitter = torch::rand({count}).to(run_.device);
     options.march_steps = MarchStepsFor(step, run_.config.render.march_steps);
   }
-  if (auto fused = FusedBackward(batch, options)) return *std::move(fused);
+  const torch::Tensor drawn = DrawKeyPoints(batch.still);
+  torch::Tensor state = batch.frame;
+  if (drawn.defined()) {
+    options.start = batch.start;
+    state = state.clone();
+    state.slice(0, count - batch.still) = rays_.cameras().size() + torch::arange(batch.still, state.options());
+  }
+  if (auto fused =
+          FusedBackward(batch, {batch.rays.origin, batch.rays.direction, state}, StatesOf(batch, drawn), options))
+    return *std::move(fused);
   std::vector<NamedTensors> losses(static_cast<size_t>(parts));
   std::vector<int64_t> samples(static_cast<size_t>(parts));
   ParallelParts(parts, [&](int64_t part) {
@@ -197,13 +229,13 @@ NamedTensors Trainer::Backward() {
     RayOptions own = options;
     own.background = rows(options.background);
     own.jitter = rows(options.jitter);
+    own.start = rows(options.start);
     own.distance = rows(options.distance);
     own.tolerance = rows(options.tolerance);
-    const FrameStates states = AllStates();
+    const FrameStates states = StatesOf(batch, drawn);
     NamedTensors& terms = losses[static_cast<size_t>(part)];
-    terms = RayLosses(
-        {{rows(batch.rays.origin), rows(batch.rays.direction)}, rows(batch.frame), rows(batch.target), {}, {}}, states,
-        own, &samples[static_cast<size_t>(part)]);
+    terms = RayLosses({rows(batch.rays.origin), rows(batch.rays.direction), rows(state)}, rows(batch.target), states,
+                      own, &samples[static_cast<size_t>(part)]);
     const double share = static_cast<double>(end - begin) / static_cast<double>(count);
     for (auto& term : terms) term.second = term.second * share;
     if (part == 0) AddKeyPointLosses(states, &terms);
@@ -220,15 +252,14 @@ NamedTensors Trainer::Backward() {
   return sums;
 }
 
-std::optional<NamedTensors> Trainer::FusedBackward(const RayTargets& batch, const RayOptions& options) {
-  const FrameStates states = AllStates();
+std::optional<NamedTensors> Trainer::FusedBackward(const RayTargets& batch, const RayBatch& rays,
+                                                   const FrameStates& states, const RayOptions& options) {
   RayObjective objective;
   objective.target = batch.target;
   objective.distortion = stage_.lambda_distortion;
   if (run_.stage == FieldStage::kPretrain) objective.ambient = stage_.lambda_ambient;
   if (batch.distance.defined()) objective.depth = stage_.lambda_depth;
-  const auto found = run_.renderer->AddGradients(*run_.field, {batch.rays.origin, batch.rays.direction, batch.frame},
-                                                 states, options, objective);
+  const auto found = run_.renderer->AddGradients(*run_.field, rays, states, options, objective);
   if (!found) return std::nullopt;
   NamedTensors losses;
   const auto add = [&](const char* name, double value) {

@@ -24,6 +24,9 @@ class Trainer {
   // Distances to hold the field to (lambda_depth). Before the first step.
   void SetDepthTargets(const DepthTargets& targets) { rays_.SetDepthTargets(targets); }
 
+  // Places that stand still (still_share). Before the first step.
+  void SetStillPlaces(const DepthTargets& places) { rays_.SetStillPlaces(places, stage_.still_share); }
+
   // Takes over the optimiser and generator state of a loaded run.
   void Resume(const std::map<std::string, torch::Tensor>& extra);
 
@@ -39,12 +42,17 @@ class Trainer {
  private:
   int64_t RaysForStep() const;
   FrameStates AllStates() const;
+  // Key points drawn anew for the rays of a batch through what stands still, [S, N, 3].
+  torch::Tensor DrawKeyPoints(int64_t count) const;
+  // The frames' states, and behind them those of the batch's still rays under `drawn` key points.
+  FrameStates StatesOf(const RayTargets& batch, const torch::Tensor& drawn) const;
   NamedTensors Backward();
   // The same in one fused pass, where renderer and field have one.
-  std::optional<NamedTensors> FusedBackward(const RayTargets& batch, const RayOptions& options);
+  std::optional<NamedTensors> FusedBackward(const RayTargets& batch, const RayBatch& rays, const FrameStates& states,
+                                            const RayOptions& options);
   void Count(int64_t rays, int64_t samples);
-  NamedTensors RayLosses(const RayTargets& batch, const FrameStates& states, const RayOptions& options,
-                         int64_t* samples) const;
+  NamedTensors RayLosses(const RayBatch& rays, const torch::Tensor& target, const FrameStates& states,
+                         const RayOptions& options, int64_t* samples) const;
   void AddKeyPointLosses(const FrameStates& states, NamedTensors* losses) const;
   double Progress() const;  // in [0, 1], of steps or seconds
   std::optional<double> Measure();

@@ -6,6 +6,7 @@ namespace editnerf {
 namespace {
 
 constexpr int64_t kGuidedShare = 4;  // one in so many rays goes through a pixel of known distance
+constexpr double kBefore = 0.9;      // share of the distance to what stands still, before which parts may move
 
 }  // namespace
 
@@ -24,10 +25,21 @@ void TrainingRays::SetDepthTargets(const DepthTargets& targets) {
   targets_ = targets;
   if (targets_.size() == 0) return;
   const torch::Device device = images_.device();
-  const int64_t height = images_.size(1), width = images_.size(2);
   for (torch::Tensor* part : {&targets_.frame, &targets_.pixel, &targets_.distance, &targets_.tolerance})
     *part = part->to(device);
-  target_pixel_ = (targets_.frame * height + targets_.pixel.select(1, 1)) * width + targets_.pixel.select(1, 0);
+  target_pixel_ = PixelsOf(targets_);
+}
+
+void TrainingRays::SetStillPlaces(const DepthTargets& places, double share) {
+  still_share_ = places.size() > 0 ? share : 0;
+  if (places.size() == 0) return;
+  still_pixel_ = PixelsOf(places).to(images_.device());
+  still_distance_ = places.distance.to(images_.device());
+}
+
+torch::Tensor TrainingRays::PixelsOf(const DepthTargets& places) const {
+  const int64_t height = images_.size(1), width = images_.size(2);
+  return (places.frame * height + places.pixel.select(1, 1)) * width + places.pixel.select(1, 0);
 }
 
 RayTargets TrainingRays::Sample(int64_t count) const {
@@ -43,6 +55,13 @@ RayTargets TrainingRays::Sample(int64_t count) const {
     batch.tolerance = torch::zeros_like(batch.distance);
     batch.distance.slice(0, 0, guided) = targets_.distance.index_select(0, target);
     batch.tolerance.slice(0, 0, guided) = targets_.tolerance.index_select(0, target);
+  }
+  batch.still = static_cast<int64_t>(still_share_ * static_cast<double>(count));
+  if (batch.still > 0) {
+    const torch::Tensor place = torch::randint(still_pixel_.size(0), {batch.still}, torch::kInt64).to(device);
+    pixel.slice(0, count - batch.still) = still_pixel_.index_select(0, place);
+    batch.start = torch::zeros({count}, still_distance_.options());
+    batch.start.slice(0, count - batch.still) = kBefore * still_distance_.index_select(0, place);
   }
   const torch::Tensor frame = pixel.div(height * width, "floor");
   const torch::Tensor within = pixel - frame * (height * width);

@@ -27,6 +27,7 @@ struct Setting {
   int64_t rays = 33;
   int64_t steps = 24;
   double density_bias = 0.5;
+  bool start = false;  // rays that begin on their way
 };
 
 inline HyperspaceFieldOptions OptionsFor(const Setting& setting) {
@@ -120,7 +121,8 @@ inline Found ModuleByModule(HyperspaceField& field, RayRenderer& renderer, RayBa
                             RayObjective objective, torch::Dtype type) {
   field.to(type);
   for (torch::Tensor* const tensor : {&rays.origin, &rays.direction, &options.background, &options.jitter,
-                                      &options.distance, &options.tolerance, &objective.target}) {
+                                      &options.distance, &options.tolerance, &options.start, &objective.target}) {
+    if (!tensor->defined()) continue;
     *tensor = tensor->to(type);
   }
   const RayResult result = renderer.Render(field, rays, AllStates(field), options);

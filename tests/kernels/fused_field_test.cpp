@@ -38,6 +38,7 @@ void CheckAgainstModules(const Setting& setting, double tolerance = 1e-5) {
   options.distance = torch::rand({setting.rays}) * (kFar - kNear) + kNear;
   options.distance.slice(0, 0, setting.rays, 3).fill_(NAN);
   options.tolerance = torch::rand({setting.rays}) * 0.1;
+  if (setting.start) options.start = (torch::rand({setting.rays}) - 0.2) * kFar;
   const Found exact = ModuleByModule(*field, renderer, rays, options, objective, torch::kFloat64);
   const Found expected = ModuleByModule(*field, renderer, rays, options, objective, torch::kFloat32);
   const Found found = Fused(*field, renderer, rays, options, objective);
@@ -108,11 +109,12 @@ TEST_CASE("fused gradients are those of the modules for odd numbers of rays and 
   }
 }
 
-TEST_CASE("fused gradients are those of the modules wherever rays end") {
+TEST_CASE("fused gradients are those of the modules wherever rays begin and end") {
   torch::manual_seed(5);
   for (const double early_stop : {0.0, 1e-3, 0.4}) {
     for (const double bias : {-3.0, 3.0}) {
       Setting setting;
+      setting.start = bias < 0 || early_stop > 0;
       setting.early_stop = early_stop;
       setting.density_bias = bias;
       setting.steps = 60;

