@@ -94,7 +94,7 @@ DepthTargets StillDepthOf(const Scene& scene, const OpticalFlow& flow, const fs:
   const torch::Tensor no_depth = torch::full({1}, std::numeric_limits<float>::quiet_NaN())
                                      .expand({static_cast<int64_t>(scene.train.size()), scene.height(), scene.width()});
   const Clip clip = MakeClip(scene, no_depth, flows);
-  const DepthTargets targets = TriangulateStillDepth(clip, scene.transform.near, scene.transform.far);
+  DepthTargets targets = TriangulateStillDepth(clip, scene.transform.near, scene.transform.far);
   LogInfo("static depth by {}: {} places known, {:.0f} in each frame", flow.Name(), targets.size(),
           static_cast<double>(targets.size()) / static_cast<double>(scene.train.size()));
   LogDepthTargetErrors(scene, targets);
