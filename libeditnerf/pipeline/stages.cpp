@@ -180,6 +180,14 @@ void RunPretraining(const Scene& scene, const StageRequest& request) {
   if (scene.truth) WriteDepthErrors(MeasureDepthErrors(maps.depth, scene), request.out / "depth_error.json");
 }
 
+void CheckTraining(const Config& config) {
+  if (config.train.still_share > 0 && config.render.sampler != "occupancy") {
+    Throw<ConfigError>(
+        "train.still_share: rays that begin on their way need render.sampler: occupancy; set it to 0 for '{}'",
+        config.render.sampler);
+  }
+}
+
 DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const fs::path& folder) {
   const std::vector<std::string> ids = TrainingIds(scene);
   DetectedKeyPoints detected;
@@ -212,12 +220,10 @@ DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const fs::path& fold
 }
 
 void RunTraining(const Scene& scene, const StageRequest& request, const fs::path& detection_folder) {
+  CheckTraining(request.config);
   DetectedKeyPoints detected = ReadDetectedKeyPoints(scene, detection_folder);
   if (detected.tracks.size(1) == 0) {
     LogWarning("{}: no key points (data/k_points_auto.txt); training a static scene", detection_folder.string());
-  }
-  if (request.config.train.still_share > 0 && request.config.render.sampler != "occupancy") {
-    Throw<ConfigError>("train.still_share: rays that begin on their way need render.sampler: occupancy");
   }
   const bool guided = request.config.train.lambda_depth > 0;
   TrainStage(scene, request, FieldStage::kTrain, detected.tracks, std::move(detected.supervision),

@@ -33,6 +33,9 @@ void CheckSameScene(const Run& run, const Scene& scene);
 // Trains the HyperNeRF and writes RUN with surface_maps.safetensors. Throws Interrupted after Ctrl-C.
 void RunPretraining(const Scene& scene, const StageRequest& request);
 
+// Throws ConfigError for settings that training cannot follow together.
+void CheckTraining(const Config& config);
+
 // Trains the editable field from the key points, flow and depth that detection left in the scene folder (or in
 // `detection_folder`), and writes RUN. A scene without key points is trained as a static one, with a warning.
 void RunTraining(const Scene& scene, const StageRequest& request, const std::filesystem::path& detection_folder);

@@ -98,6 +98,7 @@ void RunWholeWay(const WholeWayRequest& request) {
     Throw<DataError>("{}: no such file or folder; expected a video, a folder of images or a scene folder",
                      request.input.string());
   }
+  CheckTraining(request.config);
   MakeFolder(work);
   CheckConfig(request);
   StageBook book(work);
