@@ -98,7 +98,7 @@ struct StageConfig {
     v("still_share", still_share,
       "share of the rays that go through places known to stand still and must show them with the key points anywhere "
       "(training)",
-      Between(0.0, 0.9));
+      Between(0.0, 0.7));
     v("random_background", random_background, "composite on random colours once the field has taken shape");
     v("log_every", log_every, "steps between rows of metrics.csv", AtLeast(1));
     v("evaluate_every", evaluate_every, "steps between held-out measurements; 0 for none", AtLeast(0));

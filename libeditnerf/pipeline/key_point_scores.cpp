@@ -8,6 +8,7 @@
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/logging.h"
+#include "libeditnerf/base/percentile.h"
 #include "libeditnerf/imaging/json_file.h"
 #include "libeditnerf/pipeline/stages.h"
 
@@ -120,9 +121,7 @@ nlohmann::json ToJson(const std::vector<KeyPointScore>& scores) {
   if (scores.empty()) return json;
   const auto median = [](std::vector<double> values) {
     if (values.empty()) return std::numeric_limits<double>::quiet_NaN();  // null in the file
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
+    return Percentile(std::move(values), 0.5);
   };
   std::vector<double> distances, shares;
   int64_t on_moving_part = 0;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/base/percentile.h"
 #include "libeditnerf/tracking/patches.h"
 
 namespace editnerf {
@@ -200,8 +201,7 @@ void MeasureDistances(const Clip& clip, const PropagationOptions& options, Pixel
       if (std::isfinite(raw[At(s)])) near.push_back(Norm(clip.Lift(s, track->pixel[At(s)], raw[At(s)]) - eye));
     track->distance[At(t)] = NAN;
     if (near.empty() || !std::isfinite(raw[At(t)])) continue;
-    std::nth_element(near.begin(), near.begin() + static_cast<int64_t>(near.size() / 2), near.end());
-    const double median = near[near.size() / 2];
+    const double median = Percentile(std::move(near), 0.5);
     if (std::abs(raw[At(t)] - median) < options.depth_jump * median) track->distance[At(t)] = raw[At(t)];
   }
 }

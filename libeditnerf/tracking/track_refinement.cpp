@@ -8,6 +8,7 @@
 #include <cmath>
 #include <deque>
 
+#include "libeditnerf/base/percentile.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/tracking/cost_terms.h"
 
@@ -76,8 +77,7 @@ class Refiner {
     std::vector<double> distances;
     for (int64_t t = 0; t < frames; ++t)
       distances.push_back(Norm(initial.position[At(t)] - clip.cameras[At(t)].position));
-    std::nth_element(distances.begin(), distances.begin() + frames / 2, distances.end());
-    median_distance_ = std::max(distances[At(frames / 2)], 1e-6);
+    median_distance_ = std::max(Percentile(std::move(distances), 0.5), 1e-6);
     unit_per_pixel_ = median_distance_ / clip.cameras[0].focal_length * clip.PixelScale();
     depth_deviation_ = std::max(options.depth_share * median_distance_, MeasureTrackMotion(initial).noise);
     CollectMotion();

@@ -9,6 +9,7 @@
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/interrupt.h"
+#include "libeditnerf/base/percentile.h"
 #include "libeditnerf/base/progress.h"
 #include "libeditnerf/tracking/stillness.h"
 #include "libeditnerf/tracking/track_refinement.h"
@@ -271,12 +272,10 @@ class Examiner {
     if (cost < kLeastGain) {
       return fmt::format("a static point explains its track at a cost of {:.1f}, less than {:.1f}", cost, kLeastGain);
     }
-    const auto middle = distances.begin() + static_cast<int64_t>(distances.size() / 2);
     if (static_cast<int64_t>(distances.size()) < kLeastVisibleFrames) {
       return fmt::format("its depth is known in {} frames only", distances.size());
     }
-    std::nth_element(distances.begin(), middle, distances.end());
-    const double least = std::max(kLeastRange * *middle, kNoiseFactor * candidate.motion.noise);
+    const double least = std::max(kLeastRange * Percentile(distances, 0.5), kNoiseFactor * candidate.motion.noise);
     if (candidate.motion.range < least) {
       return fmt::format("its track moves by {:.4f} scene units, less than {:.4f}, which noise explains",
                          candidate.motion.range, least);

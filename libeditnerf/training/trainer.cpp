@@ -15,6 +15,7 @@
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/phase_clock.h"
 #include "libeditnerf/base/progress.h"
+#include "libeditnerf/training/drawn_states.h"
 #include "libeditnerf/training/losses.h"
 #include "libeditnerf/training/schedule.h"
 
@@ -96,6 +97,10 @@ Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision>
   run_.field->train();
 }
 
+void Trainer::SetStillPlaces(const DepthTargets& places) {
+  if (run_.field->num_key_points() > 0) rays_.SetStillPlaces(places, stage_.still_share);
+}
+
 void Trainer::Resume(const std::map<std::string, torch::Tensor>& extra) {
   std::map<std::string, torch::Tensor> optimizer;
   const std::string prefix = "adam.";
@@ -166,28 +171,9 @@ FrameStates Trainer::AllStates() const {
   return run_.field->States(torch::arange(rays_.cameras().size(), torch::kInt64).to(run_.device));
 }
 
-// Between two places that a key point visited: positions that an edit may ask for, each key point's by itself.
-torch::Tensor Trainer::DrawKeyPoints(int64_t count) const {
-  const torch::NoGradGuard no_grad;
-  const torch::Tensor known = AllStates().key_points;
-  if (count == 0 || !known.defined()) return {};
-  const int64_t frames = known.size(0), key_points = known.size(1);
-  const auto pick = [&] {
-    const torch::Tensor frame = torch::randint(frames, {count, key_points, 1}, torch::kInt64).to(run_.device);
-    return known.gather(0, frame.expand({count, key_points, 3}));
-  };
-  const torch::Tensor a = pick(), b = pick();
-  return torch::lerp(a, b, torch::rand({count, key_points, 1}).to(run_.device));
-}
-
 FrameStates Trainer::StatesOf(const RayTargets& batch, const torch::Tensor& drawn) const {
-  FrameStates states = AllStates();
-  if (!drawn.defined()) return states;
-  const torch::Tensor frame = batch.frame.slice(0, batch.frame.size(0) - batch.still);
-  states.key_points = torch::cat({states.key_points, drawn});
-  for (const auto code : {&FrameStates::warp_code, &FrameStates::appearance_code})
-    if ((states.*code).defined()) states.*code = torch::cat({states.*code, (states.*code).index_select(0, frame)});
-  return states;
+  if (!drawn.defined()) return AllStates();
+  return WithDrawn(AllStates(), drawn, batch.frame.slice(0, batch.frame.size(0) - batch.still));
 }
 
 // Gradients of one step. Marching on the CPU takes a share of the rays in every thread, each with its own graph: that
@@ -211,7 +197,8 @@ NamedTensors Trainer::Backward() {
     options.jitter = torch::rand({count}).to(run_.device);
     options.march_steps = MarchStepsFor(step, run_.config.render.march_steps);
   }
-  const torch::Tensor drawn = DrawKeyPoints(batch.still);
+  torch::Tensor drawn;
+  if (batch.still > 0) drawn = DrawKeyPoints(AllStates().key_points, batch.still);
   torch::Tensor state = batch.frame;
   if (drawn.defined()) {
     options.start = batch.start;

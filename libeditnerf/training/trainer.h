@@ -24,8 +24,8 @@ class Trainer {
   // Distances to hold the field to (lambda_depth). Before the first step.
   void SetDepthTargets(const DepthTargets& targets) { rays_.SetDepthTargets(targets); }
 
-  // Places that stand still (still_share). Before the first step.
-  void SetStillPlaces(const DepthTargets& places) { rays_.SetStillPlaces(places, stage_.still_share); }
+  // Places that stand still (still_share); of no use without key points. Before the first step.
+  void SetStillPlaces(const DepthTargets& places);
 
   // Takes over the optimiser and generator state of a loaded run.
   void Resume(const std::map<std::string, torch::Tensor>& extra);
@@ -42,8 +42,6 @@ class Trainer {
  private:
   int64_t RaysForStep() const;
   FrameStates AllStates() const;
-  // Key points drawn anew for the rays of a batch through what stands still, [S, N, 3].
-  torch::Tensor DrawKeyPoints(int64_t count) const;
   // The frames' states, and behind them those of the batch's still rays under `drawn` key points.
   FrameStates StatesOf(const RayTargets& batch, const torch::Tensor& drawn) const;
   NamedTensors Backward();

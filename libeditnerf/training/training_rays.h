@@ -32,7 +32,7 @@ class TrainingRays {
   // From now on a quarter of the rays goes through pixels of known distance.
   void SetDepthTargets(const DepthTargets& targets);
 
-  // From now on this share of the rays goes through places that stand still.
+  // From now on this share of the rays, at most three quarters, goes through places that stand still.
   void SetStillPlaces(const DepthTargets& places, double share);
 
   // `count` pixels drawn uniformly, with repetition, from LibTorch's default CPU generator.

@@ -1,0 +1,26 @@
+#include "libeditnerf/training/drawn_states.h"
+
+#include <torch/torch.h>
+
+namespace editnerf {
+
+torch::Tensor DrawKeyPoints(const torch::Tensor& key_points, int64_t count) {
+  const torch::NoGradGuard no_grad;
+  const torch::Tensor known = key_points.detach();
+  const int64_t frames = known.size(0), number = known.size(1);
+  const auto pick = [&] {
+    const torch::Tensor frame = torch::randint(frames, {count, number, 1}, torch::kInt64).to(known.device());
+    return known.gather(0, frame.expand({count, number, 3}));
+  };
+  const torch::Tensor a = pick(), b = pick();
+  return torch::lerp(a, b, torch::rand({count, number, 1}).to(known));
+}
+
+FrameStates WithDrawn(FrameStates states, const torch::Tensor& drawn, const torch::Tensor& frame) {
+  states.key_points = torch::cat({states.key_points, drawn});
+  for (const auto code : {&FrameStates::warp_code, &FrameStates::appearance_code})
+    if ((states.*code).defined()) states.*code = torch::cat({states.*code, (states.*code).index_select(0, frame)});
+  return states;
+}
+
+}  // namespace editnerf

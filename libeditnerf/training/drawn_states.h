@@ -1,0 +1,19 @@
+// States that no frame has, for rays through what stands still.
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+
+#include "libeditnerf/field/radiance_field.h"
+
+namespace editnerf {
+
+// Each of N key points somewhere between two places of key_points [F, N, 3], by itself: positions that an edit may ask
+// for. [count, N, 3], without gradients, by LibTorch's default CPU generator.
+torch::Tensor DrawKeyPoints(const torch::Tensor& key_points, int64_t count);
+
+// Behind the states of the frames, rows with the `drawn` key points [S, N, 3] and the codes of the frames frame [S].
+FrameStates WithDrawn(FrameStates states, const torch::Tensor& drawn, const torch::Tensor& frame);
+
+}  // namespace editnerf
