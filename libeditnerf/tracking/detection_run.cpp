@@ -5,6 +5,7 @@
 #include "libeditnerf/evaluation/depth_error.h"
 #include "libeditnerf/tracking/clip.h"
 #include "libeditnerf/tracking/flow_cache.h"
+#include "libeditnerf/tracking/motion_flow.h"
 #include "libeditnerf/tracking/still_depth.h"
 #include "libeditnerf/tracking/still_flow.h"
 
@@ -24,9 +25,10 @@ FlowSequence FlowsOf(const Scene& scene, const PretrainedMaps& pretrained, const
   const auto camera = [&](int64_t t) -> const Camera& {
     return scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(t)])].camera;
   };
-  return ComputeFlowSequence(images, flow, [&](int64_t from, int64_t to) {
+  const FlowSequence flows = ComputeFlowSequence(images, flow, [&](int64_t from, int64_t to) {
     return StillFlow(camera(from), pretrained.depth[from], camera(to));
   });
+  return CarryMotionOn(images, flow, flows);
 }
 
 }  // namespace

@@ -167,6 +167,7 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
   double heaviest = 0;
   int in_vain = 0;
   GrowthOptions options;
+  options.range = range;
   Progress progress("moving parts", kMostSeeds);
   for (int i = 0; i < kMostSeeds && in_vain < kMostInVain; ++i) {
     progress.Update(i);

@@ -7,6 +7,7 @@
 
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/tracking/part_scale.h"
+#include "libeditnerf/tracking/stillness.h"
 
 namespace editnerf {
 namespace {
@@ -28,8 +29,9 @@ size_t At(int64_t t) { return static_cast<size_t>(t); }
 
 bool PartFit::Share::Enough() const { return static_cast<double>(agree) >= kInlierShare * static_cast<double>(count); }
 
-PartFit::PartFit(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options)
-    : clip_(clip), tracks_(tracks), options_(options), inlier_(kInlier * clip.PixelScale()) {}
+PartFit::PartFit(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options,
+                 const DepthRange& range)
+    : clip_(clip), tracks_(tracks), options_(options), range_(range), inlier_(kInlier * clip.PixelScale()) {}
 
 void PartFit::Begin(const PartSeed& seed, const std::vector<size_t>& near) {
   const size_t frames = At(clip_.num_frames());
@@ -202,6 +204,22 @@ bool PartFit::Triangulate(PartPoint* point) const {
     low = best - step, high = best + step;
   }
   return Agreement(*point, track).Enough();
+}
+
+double PartFit::Gain(const PartPoint& point) const {
+  constexpr size_t kSamples = 16;
+  const FlowTrack& track = tracks_[point.tracks.front()];
+  std::vector<Sighting> all, some;
+  for (int64_t t = track.first; t < track.end(); ++t)
+    if (part_.seen[At(t)]) all.push_back({t, track.At(t)});
+  if (all.empty()) return 0;
+  const size_t stride = std::max<size_t>(1, all.size() / kSamples);
+  double moving = 0;
+  for (size_t i = 0; i < all.size(); i += stride) {
+    some.push_back(all[i]);
+    moving += CostOf(clip_, part_.Place(all[i].frame, ToVec3(point.position)), all[i]);
+  }
+  return CostOfStillness(clip_, some, range_) - moving / static_cast<double>(some.size());
 }
 
 void PartFit::Settle() {

@@ -18,7 +18,8 @@ struct PartSeed {
 // pixels at 320 wide of its point, and belongs to it where it does so in most of the known frames that it covers.
 class PartFit {
  public:
-  PartFit(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options);
+  PartFit(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options,
+          const DepthRange& range);
 
   // The given tracks, all of which cover the seed's frame, on a plane there that faces the camera.
   void Begin(const PartSeed& seed, const std::vector<size_t>& near);
@@ -40,6 +41,10 @@ class PartFit {
 
   // Where on its ray a point's first track follows the part best; false where it does not follow.
   bool Triangulate(PartPoint* point) const;
+
+  // How much better the part explains the point's first track than a static point does (stillness.h): a mean cost over
+  // known frames.
+  double Gain(const PartPoint& point) const;
 
   void Add(const PartPoint& point) { part_.points.push_back(point); }
   void AddTrack(size_t point, size_t track) { part_.points[point].tracks.push_back(track); }
@@ -76,6 +81,7 @@ class PartFit {
   const Clip& clip_;
   const std::vector<FlowTrack>& tracks_;
   PartSolverOptions options_;
+  DepthRange range_;
   double inlier_;
   RigidPart part_;
   std::vector<Placement> placement_;  // T, of part_.pose

@@ -17,6 +17,7 @@ constexpr size_t kLeastTracks = 6;                // around the seed
 constexpr double kAdjacent = 16;                  // pixels at 320 wide, to a point of the part
 constexpr int kBlock = 8;                         // frames added at each end between solutions
 constexpr int64_t kLeastOverlap = 6;              // known frames of a track that joins
+constexpr double kLeastGainToJoin = 1;            // of a track, over stillness
 constexpr int64_t kLookEvery = 5, kLookFrom = 5;  // lost frames looked at, and frames looked from
 constexpr size_t kTried = 40, kLeastFound = 8;    // points
 constexpr double kLeastFoundShare = 0.4, kFoundSimilarity = 0.75, kFoundError = 2;  // pixels at 320 wide
@@ -32,7 +33,7 @@ class Growth {
         tracks_(*tracks),
         taken_(*taken),
         options_(options),
-        fit_(clip, *tracks, options.solver),
+        fit_(clip, *tracks, options.solver, options.range),
         refused_(tracks->size(), 0),
         looked_(At(clip.num_frames()), false) {}
 
@@ -94,7 +95,8 @@ class Growth {
     return grows;
   }
 
-  // Tracks near the part's points that move as it does.
+  // Tracks near the part's points that move as it does, where stillness would not do: while a part rests, all that lies
+  // beside it moves as it does.
   void Join() {
     std::vector<bool> member(tracks_.size(), false);
     for (const PartPoint& point : part().points)
@@ -112,10 +114,10 @@ class Growth {
       if (overlap < std::max(kLeastOverlap, 2 * refused_[i])) continue;
       if (!Beside(now, tracks_[i], {first, (first + last) / 2, last})) continue;
       PartPoint point = {{i}, {}};
-      if (fit_.Triangulate(&point)) {
-        fit_.Add(point);
-      } else {
+      if (!fit_.Triangulate(&point)) {
         refused_[i] = overlap;
+      } else if (fit_.Gain(point) >= kLeastGainToJoin) {
+        fit_.Add(point);
       }
     }
   }

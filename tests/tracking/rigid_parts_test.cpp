@@ -154,6 +154,25 @@ TEST_CASE("fits to one part move as each other, fits to two do not") {
   CHECK_FALSE(MovesAs(sliding.clip, sliding.tracks, part, opposite));
 }
 
+TEST_CASE("what is seen beside a part only while it rests does not join it") {
+  Body body(Slide);
+  const size_t own = body.tracks.size();
+  for (int i = 0; i < 10; ++i) {
+    const Vec3 still = Slide({-0.05 + 0.01 * i, 0.02, 0.03}, 30);
+    FlowTrack track;
+    track.first = 26, track.seed = 30;
+    for (int64_t t = 26; t < 39; ++t) {
+      const Projected at = Project(body.clip.cameras[static_cast<size_t>(t)], still);
+      track.pixel.push_back({at.u, at.v});
+    }
+    body.tracks.push_back(track);
+  }
+  const RigidPart part = body.Fit();
+  CHECK(part.points.size() >= 55);
+  for (const PartPoint& point : part.points)
+    for (const size_t i : point.tracks) CHECK(i < own);
+}
+
 TEST_CASE("too few tracks make no part, and the tracks stay free") {
   Body body(Slide);
   body.tracks.resize(5);
