@@ -6,15 +6,13 @@
 //
 // Beyond the paper:
 // - Direct flow over large motions happily matches background to background with a perfect forward-backward error. So
-// it
-//   is taken only where the patch it leads to resembles the reference patch at least as much as the chain's does.
+//   it is taken only where the patch it leads to resembles the reference patch at least as much as the chain's does.
 // - The frames between two anchors are corrected too: chained from both ends and blended.
 // - A point whose flow fails the forward-backward check, that leaves the image, or before which something nearer
-// appears
-//   is lost, not followed; it is looked for again by direct flow from the last frame that saw it. A surface that is
-//   suddenly farther away has two causes: the depth map misses the part, then the point is followed without depth; or
-//   the chain slipped off the part's edge onto the background. Only in the second case the flow there is that of the
-//   static scene.
+//   appears is lost, not followed; it is looked for again by direct flow from the last frame that saw it. A surface
+//   that is suddenly farther away has two causes: the depth map misses the part, then the point is followed without
+//   depth; or the chain slipped off the part's edge onto the background. Only in the second case the flow there is that
+//   of the static scene.
 #pragma once
 
 #include <cstdint>
