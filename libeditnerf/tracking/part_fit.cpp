@@ -213,6 +213,7 @@ double PartFit::Gain(const PartPoint& point) const {
   for (int64_t t = track.first; t < track.end(); ++t)
     if (part_.seen[At(t)]) all.push_back({t, track.At(t)});
   if (all.empty()) return 0;
+  if (!std::isfinite(range_.near)) return kMostCost;
   const size_t stride = std::max<size_t>(1, all.size() / kSamples);
   double moving = 0;
   for (size_t i = 0; i < all.size(); i += stride) {

@@ -43,7 +43,7 @@ class PartFit {
   bool Triangulate(PartPoint* point) const;
 
   // How much better the part explains the point's first track than a static point does (stillness.h): a mean cost over
-  // known frames.
+  // known frames; the most where the range of static points is unknown.
   double Gain(const PartPoint& point) const;
 
   void Add(const PartPoint& point) { part_.points.push_back(point); }

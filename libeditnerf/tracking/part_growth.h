@@ -12,7 +12,7 @@ namespace editnerf {
 
 struct GrowthOptions {
   PartSolverOptions solver;
-  DepthRange range = {0.01, 100};  // of the static points that a track must not follow as well as the part
+  DepthRange range;             // of the static points that a track must not follow as well; NaN: it is not asked
   int64_t look_again_from = 0;  // pixels that follow the part, from which it is looked for again: that takes its time
 };
 

@@ -77,7 +77,9 @@ struct Body {
   RigidPart Fit() {
     std::vector<bool> taken(tracks.size(), false);
     const Pixel seed = tracks[0].At(20);
-    std::optional<RigidPart> part = GrowPart(clip, nullptr, {20, seed, 1.3}, &tracks, &taken);
+    GrowthOptions options;
+    options.range = {0.5, 3};
+    std::optional<RigidPart> part = GrowPart(clip, nullptr, {20, seed, 1.3}, &tracks, &taken, options);
     REQUIRE(part.has_value());
     return *part;
   }
