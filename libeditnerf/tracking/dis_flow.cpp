@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <mutex>
-#include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
+#include "libeditnerf/tracking/gray_image.h"
 #include "libeditnerf/tracking/optical_flow.h"
 
 namespace editnerf {
@@ -32,15 +32,6 @@ class OneOpenCvThread {
   static inline int before_ = 1;
 };
 
-cv::Mat Gray(const torch::Tensor& image) {
-  const torch::Tensor contiguous = image.contiguous();
-  const cv::Mat color(static_cast<int>(image.size(0)), static_cast<int>(image.size(1)), CV_8UC3,
-                      contiguous.data_ptr<uint8_t>());
-  cv::Mat gray;
-  cv::cvtColor(color, gray, cv::COLOR_RGB2GRAY);
-  return gray;
-}
-
 }  // namespace
 
 torch::Tensor DisFlow::Flow(const torch::Tensor& from, const torch::Tensor& to) const { return Search(from, to, {}); }
@@ -61,7 +52,7 @@ torch::Tensor DisFlow::Search(const torch::Tensor& from, const torch::Tensor& to
     flow.create(static_cast<int>(from.size(0)), static_cast<int>(from.size(1)), CV_32FC2);
     std::copy_n(guess.data_ptr<float>(), guess.numel(), flow.ptr<float>());
   }
-  dis->calc(Gray(from), Gray(to), flow);
+  dis->calc(GrayImage(from), GrayImage(to), flow);
   return torch::from_blob(flow.data, {from.size(0), from.size(1), 2}, torch::kFloat32).clone();
 }
 

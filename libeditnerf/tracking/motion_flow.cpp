@@ -1,21 +1,16 @@
 #include "libeditnerf/tracking/motion_flow.h"
 
-#include <opencv2/imgproc.hpp>
-
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/tracking/gray_image.h"
 
 namespace editnerf {
 namespace {
 
 constexpr int kSide = 7;  // pixels
 
-cv::Mat Gray(const torch::Tensor& image) {
-  const torch::Tensor contiguous = image.contiguous();
-  const cv::Mat color(static_cast<int>(image.size(0)), static_cast<int>(image.size(1)), CV_8UC3,
-                      contiguous.data_ptr<uint8_t>());
-  cv::Mat gray, values;
-  cv::cvtColor(color, gray, cv::COLOR_RGB2GRAY);
-  gray.convertTo(values, CV_32F);
+cv::Mat GrayValues(const torch::Tensor& image) {
+  cv::Mat values;
+  GrayImage(image).convertTo(values, CV_32F);
   return values;
 }
 
@@ -38,7 +33,7 @@ cv::Mat Unlikeness(const cv::Mat& from, const cv::Mat& to, const torch::Tensor& 
 
 torch::Tensor MostAlike(const torch::Tensor& from, const torch::Tensor& to, const std::vector<torch::Tensor>& guesses) {
   const int64_t height = from.size(0), width = from.size(1);
-  const cv::Mat a = Gray(from), b = Gray(to);
+  const cv::Mat a = GrayValues(from), b = GrayValues(to);
   torch::Tensor best;
   cv::Mat least;
   for (const torch::Tensor& guess : guesses) {
