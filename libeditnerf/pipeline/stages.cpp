@@ -66,7 +66,7 @@ LoadedRun Reopen(const Scene& scene, const StageRequest& request, FieldStage sta
 }
 
 Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage, const torch::Tensor& tracks,
-               std::optional<KeyPointSupervision> supervision, const DepthTargets& depth, const DepthTargets& still) {
+               std::optional<KeyPointSupervision> supervision, const DepthTargets& depth, const DepthTargets& known) {
   LoadedRun loaded;
   const bool resumed = request.resume && HasCheckpoint(request.out);
   if (resumed) {
@@ -79,7 +79,7 @@ Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage
   LogInfo("{}", ToText(PlanMemory(loaded.run, scene)));
   Trainer trainer(loaded.run, scene, std::move(supervision), request.out);
   trainer.SetDepthTargets(depth);
-  trainer.SetStillPlaces(still);
+  trainer.SetKnownPlaces(known);
   if (resumed) trainer.Resume(loaded.extra);
   trainer.Train();
   return trainer.run();
@@ -181,9 +181,10 @@ void RunPretraining(const Scene& scene, const StageRequest& request) {
 }
 
 void CheckTraining(const Config& config) {
-  if (config.train.still_share > 0 && config.render.sampler != "occupancy") {
+  if (config.train.still_share + config.train.carried_share > 0 && config.render.sampler != "occupancy") {
     Throw<ConfigError>(
-        "train.still_share: rays that begin on their way need render.sampler: occupancy; set it to 0 for '{}'",
+        "train.still_share, train.carried_share: rays that begin on their way need render.sampler: occupancy; set both "
+        "to 0 for '{}'",
         config.render.sampler);
   }
 }
@@ -205,7 +206,7 @@ DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const fs::path& fold
   supervision.flow = ReadFlows(folder, ids);
   const auto known = [&](const fs::path& path) {
     if (!fs::exists(path)) return DepthTargets();
-    return ReadDepthTargets(path, detected.tracks.size(0), scene.height(), scene.width());
+    return ReadDepthTargets(path, detected.tracks.size(0), scene.height(), scene.width(), detected.tracks.size(1));
   };
   detected.still_depth = known(StillDepthPath(folder));
   detected.part_depth = known(PartDepthPath(folder));
@@ -225,9 +226,9 @@ void RunTraining(const Scene& scene, const StageRequest& request, const fs::path
   if (detected.tracks.size(1) == 0) {
     LogWarning("{}: no key points (data/k_points_auto.txt); training a static scene", detection_folder.string());
   }
-  const bool guided = request.config.train.lambda_depth > 0;
+  const DepthTargets known = Joined(detected.still_depth, detected.part_depth);
   TrainStage(scene, request, FieldStage::kTrain, detected.tracks, std::move(detected.supervision),
-             guided ? Joined(detected.still_depth, detected.part_depth) : DepthTargets(), detected.still_depth);
+             request.config.train.lambda_depth > 0 ? known : DepthTargets(), known);
 }
 
 }  // namespace editnerf

@@ -29,7 +29,7 @@ struct Candidate {
   int64_t moving = 0;              // visible frames with evidence of motion
   double camera_strength = 0;      // upper quartile of what the camera explains, pixels a frame
   std::vector<Pixel> own_motion;   // T - 1, in the image beyond what the camera explains; NaN where not visible
-  bool rigid = false;              // carried by a rigid part (part_candidates.h)
+  int64_t part = -1;               // which rigid part carries it (part_candidates.h); -1: none
   std::string objection;           // why it is no key point of its own; empty for those that are
 };
 

@@ -20,7 +20,18 @@ void Describe(const Clip& clip, const MovingParts& moving, Detection* detection)
         "a rigid part with {} points, seen at {} pixels in {} of {} frames, goes {:.0f} pixels at 320 wide{}",
         part.body.points.size(), part.body.observations, SeenFrames(part.body).size(), clip.num_frames(), part.range,
         part.body.turns ? " and turns" : ""));
-    detection->part_depth = Joined(detection->part_depth, PartDepths(clip, moving.tracks, part.body));
+  }
+}
+
+// After selection: each part's distances, with the key point that it carries.
+void CollectPartDepths(const Clip& clip, const MovingParts& moving, const std::vector<const Candidate*>& kept,
+                       Detection* detection) {
+  for (size_t part = 0; part < moving.parts.size(); ++part) {
+    int64_t key_point = kNotCarried;
+    for (size_t n = 0; n < kept.size(); ++n)
+      if (kept[n]->part == static_cast<int64_t>(part)) key_point = static_cast<int64_t>(n);
+    detection->part_depth =
+        Joined(detection->part_depth, PartDepths(clip, moving.tracks, moving.parts[part].body, key_point));
   }
 }
 
@@ -35,7 +46,7 @@ void Store(const std::vector<const Candidate*>& kept, const Clip& clip, Detectio
   };
   for (int64_t n = 0; n < count; ++n) {
     const Candidate& candidate = *kept[At(n)];
-    detection->rigid.push_back(candidate.rigid);
+    detection->rigid.push_back(candidate.part >= 0);
     put(detection->reference.data_ptr<float>() + 3 * n,
         clip.Lift(candidate.start.frame, candidate.start.pixel, candidate.start.distance));
     detection->score[n] = candidate.maximum.value;
@@ -75,8 +86,9 @@ Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const 
   detection.candidates = LocalMaxima(detection.volume, config.min_distance, config.relative_threshold);
 
   std::vector<Candidate> candidates;
+  MovingParts moving;
   if (config.rigid_parts) {
-    const MovingParts moving = FindMovingParts(clip, detection.motion, &direct, range);
+    moving = FindMovingParts(clip, detection.motion, &direct, range);
     Describe(clip, moving, &detection);
     candidates = PartCandidates(clip, moving);
   }
@@ -90,6 +102,7 @@ Detection DetectKeyPoints(const Scene& scene, const PretrainedMaps& maps, const 
   }
   const std::vector<const Candidate*> kept = SelectCandidates(candidates, config, &detection.notes);
   Store(kept, clip, &detection);
+  CollectPartDepths(clip, moving, kept, &detection);
   if (kept.empty()) {
     detection.notes.push_back(
         config.rigid_parts

@@ -203,7 +203,8 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
   return found;
 }
 
-DepthTargets PartDepths(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part) {
+DepthTargets PartDepths(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part,
+                        int64_t key_point) {
   std::vector<int64_t> frame, pixel;
   std::vector<float> distance;
   for (const int64_t t : SeenFrames(part)) {
@@ -234,6 +235,7 @@ DepthTargets PartDepths(const Clip& clip, const std::vector<FlowTrack>& tracks, 
   targets.pixel = torch::tensor(pixel, torch::kInt64).view({count, 2});
   targets.distance = torch::tensor(distance, torch::kFloat32);
   targets.tolerance = torch::full({count}, kTolerance);
+  targets.key_point = torch::full({count}, key_point, torch::kInt64);
   return targets;
 }
 

@@ -31,7 +31,9 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
 // are told from parts of their own, however much their fits have drifted apart.
 bool MovesAs(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part, const RigidPart& other);
 
-// Distances of the part's points wherever they are seen, away from its edge.
-DepthTargets PartDepths(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part);
+// Distances of the part's points wherever they are seen, away from its edge. key_point: that which the part carries, or
+// kNotCarried.
+DepthTargets PartDepths(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part,
+                        int64_t key_point);
 
 }  // namespace editnerf

@@ -88,7 +88,6 @@ Candidate ToCandidate(const Clip& clip, const MovingParts& moving, const MovingP
   const Vec3 position = ToVec3(point.position);
   const int64_t frames = clip.num_frames(), reference = view.ReferenceFrame(point);
   Candidate candidate;
-  candidate.rigid = true;
   candidate.maximum.value = part.weight;
   candidate.maximum.point = part.body.Place(reference, position);
   candidate.pixels.reference_frame = reference;
@@ -116,7 +115,10 @@ Candidate ToCandidate(const Clip& clip, const MovingParts& moving, const MovingP
 
 std::vector<Candidate> PartCandidates(const Clip& clip, const MovingParts& moving) {
   std::vector<Candidate> candidates;
-  for (const MovingPart& part : moving.parts) candidates.push_back(ToCandidate(clip, moving, part));
+  for (const MovingPart& part : moving.parts) {
+    candidates.push_back(ToCandidate(clip, moving, part));
+    candidates.back().part = static_cast<int64_t>(candidates.size()) - 1;
+  }
   return candidates;
 }
 

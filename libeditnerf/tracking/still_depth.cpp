@@ -155,6 +155,7 @@ DepthTargets TriangulateStillDepth(const Clip& clip, double near, double far) {
   targets.pixel = torch::tensor(pixel, torch::kInt64).view({count, 2});
   targets.distance = torch::tensor(distance, torch::kFloat32);
   targets.tolerance = torch::tensor(tolerance, torch::kFloat32);
+  targets.key_point = torch::full({count}, kStandsStill, torch::kInt64);
   return targets;
 }
 

@@ -1,4 +1,4 @@
-// States that no frame has, for rays through what stands still.
+// States that no frame has, for rays through places that look the same in them.
 #pragma once
 
 #include <torch/types.h>
@@ -10,8 +10,9 @@
 namespace editnerf {
 
 // Each of N key points somewhere between two places of key_points [F, N, 3], by itself: positions that an edit may ask
-// for. [count, N, 3], without gradients, by LibTorch's default CPU generator.
-torch::Tensor DrawKeyPoints(const torch::Tensor& key_points, int64_t count);
+// for. In row i, key point kept[i] stays where frame[i] has it, none where kept[i] is below 0. frame, kept: [S] int64.
+// [S, N, 3], without gradients, by LibTorch's default CPU generator.
+torch::Tensor DrawKeyPoints(const torch::Tensor& key_points, const torch::Tensor& frame, const torch::Tensor& kept);
 
 // Behind the states of the frames, rows with the `drawn` key points [S, N, 3] and the codes of the frames frame [S].
 FrameStates WithDrawn(FrameStates states, const torch::Tensor& drawn, const torch::Tensor& frame);

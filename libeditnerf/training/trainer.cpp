@@ -97,8 +97,9 @@ Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision>
   run_.field->train();
 }
 
-void Trainer::SetStillPlaces(const DepthTargets& places) {
-  if (run_.field->num_key_points() > 0) rays_.SetStillPlaces(places, stage_.still_share);
+void Trainer::SetKnownPlaces(const DepthTargets& places) {
+  const int64_t number = run_.field->num_key_points();
+  rays_.SetKnownPlaces(places, number > 0 ? stage_.still_share : 0, number > 1 ? stage_.carried_share : 0);
 }
 
 void Trainer::Resume(const std::map<std::string, torch::Tensor>& extra) {
@@ -173,7 +174,7 @@ FrameStates Trainer::AllStates() const {
 
 FrameStates Trainer::StatesOf(const RayTargets& batch, const torch::Tensor& drawn) const {
   if (!drawn.defined()) return AllStates();
-  return WithDrawn(AllStates(), drawn, batch.frame.slice(0, batch.frame.size(0) - batch.still));
+  return WithDrawn(AllStates(), drawn, batch.frame.slice(0, batch.frame.size(0) - batch.drawn));
 }
 
 // Gradients of one step. Marching on the CPU takes a share of the rays in every thread, each with its own graph: that
@@ -198,12 +199,13 @@ NamedTensors Trainer::Backward() {
     options.march_steps = MarchStepsFor(step, run_.config.render.march_steps);
   }
   torch::Tensor drawn;
-  if (batch.still > 0) drawn = DrawKeyPoints(AllStates().key_points, batch.still);
+  if (batch.drawn > 0)
+    drawn = DrawKeyPoints(AllStates().key_points, batch.frame.slice(0, count - batch.drawn), batch.kept);
   torch::Tensor state = batch.frame;
   if (drawn.defined()) {
     options.start = batch.start;
     state = state.clone();
-    state.slice(0, count - batch.still) = rays_.cameras().size() + torch::arange(batch.still, state.options());
+    state.slice(0, count - batch.drawn) = rays_.cameras().size() + torch::arange(batch.drawn, state.options());
   }
   if (auto fused =
           FusedBackward(batch, {batch.rays.origin, batch.rays.direction, state}, StatesOf(batch, drawn), options))

@@ -24,8 +24,9 @@ class Trainer {
   // Distances to hold the field to (lambda_depth). Before the first step.
   void SetDepthTargets(const DepthTargets& targets) { rays_.SetDepthTargets(targets); }
 
-  // Places that stand still (still_share); of no use without key points. Before the first step.
-  void SetStillPlaces(const DepthTargets& places);
+  // Places that stand still (still_share) or that a key point carries (carried_share), to be seen in states that no
+  // frame has. The first are of no use without key points, the second without two. Before the first step.
+  void SetKnownPlaces(const DepthTargets& places);
 
   // Takes over the optimiser and generator state of a loaded run.
   void Resume(const std::map<std::string, torch::Tensor>& extra);
@@ -42,7 +43,7 @@ class Trainer {
  private:
   int64_t RaysForStep() const;
   FrameStates AllStates() const;
-  // The frames' states, and behind them those of the batch's still rays under `drawn` key points.
+  // The frames' states, and behind them those of the batch's last rays under `drawn` key points.
   FrameStates StatesOf(const RayTargets& batch, const torch::Tensor& drawn) const;
   NamedTensors Backward();
   // The same in one fused pass, where renderer and field have one.

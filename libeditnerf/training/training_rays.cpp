@@ -6,7 +6,7 @@ namespace editnerf {
 namespace {
 
 constexpr int64_t kGuidedShare = 4;  // one in so many rays goes through a pixel of known distance
-constexpr double kBefore = 0.9;      // share of the distance to what stands still, before which parts may move
+constexpr double kBefore = 0.9;      // share of the distance to a known place, before which other parts may move
 
 }  // namespace
 
@@ -30,11 +30,19 @@ void TrainingRays::SetDepthTargets(const DepthTargets& targets) {
   target_pixel_ = PixelsOf(targets_);
 }
 
-void TrainingRays::SetStillPlaces(const DepthTargets& places, double share) {
-  still_share_ = places.size() > 0 ? share : 0;
+void TrainingRays::SetKnownPlaces(const DepthTargets& places, double still_share, double carried_share) {
+  still_ = carried_ = {};
   if (places.size() == 0) return;
-  still_pixel_ = PixelsOf(places).to(images_.device());
-  still_distance_ = places.distance.to(images_.device());
+  still_ = Where(places, places.key_point == kStandsStill, still_share);
+  carried_ = Where(places, places.key_point >= 0, carried_share);
+}
+
+TrainingRays::KnownPlaces TrainingRays::Where(const DepthTargets& places, const torch::Tensor& chosen,
+                                              double share) const {
+  const torch::Tensor row = chosen.nonzero().squeeze(1);
+  if (row.numel() == 0) return {};
+  const auto rows = [&](const torch::Tensor& all) { return all.index_select(0, row).to(images_.device()); };
+  return {share, rows(PixelsOf(places)), rows(places.distance), rows(places.key_point)};
 }
 
 torch::Tensor TrainingRays::PixelsOf(const DepthTargets& places) const {
@@ -56,12 +64,17 @@ RayTargets TrainingRays::Sample(int64_t count) const {
     batch.distance.slice(0, 0, guided) = targets_.distance.index_select(0, target);
     batch.tolerance.slice(0, 0, guided) = targets_.tolerance.index_select(0, target);
   }
-  batch.still = static_cast<int64_t>(still_share_ * static_cast<double>(count));
-  if (batch.still > 0) {
-    const torch::Tensor place = torch::randint(still_pixel_.size(0), {batch.still}, torch::kInt64).to(device);
-    pixel.slice(0, count - batch.still) = still_pixel_.index_select(0, place);
-    batch.start = torch::zeros({count}, still_distance_.options());
-    batch.start.slice(0, count - batch.still) = kBefore * still_distance_.index_select(0, place);
+  for (const KnownPlaces* places : {&still_, &carried_}) {
+    const auto share = static_cast<int64_t>(places->share * static_cast<double>(count));
+    if (share == 0) continue;
+    const torch::Tensor place = torch::randint(places->pixel.size(0), {share}, torch::kInt64).to(device);
+    const int64_t end = count - batch.drawn;
+    pixel.slice(0, end - share, end) = places->pixel.index_select(0, place);
+    if (batch.drawn == 0) batch.start = torch::zeros({count}, places->distance.options());
+    batch.start.slice(0, end - share, end) = kBefore * places->distance.index_select(0, place);
+    const torch::Tensor kept = places->key_point.index_select(0, place);
+    batch.kept = batch.drawn == 0 ? kept : torch::cat({kept, batch.kept});
+    batch.drawn += share;
   }
   const torch::Tensor frame = pixel.div(height * width, "floor");
   const torch::Tensor within = pixel - frame * (height * width);

@@ -18,10 +18,11 @@ struct RayTargets {
   torch::Tensor frame;                // [R] int64, rows of the list that the sampler was made of
   torch::Tensor target;               // [R, 3], colours in [0, 1]
   torch::Tensor distance, tolerance;  // [R], of DepthTargets, NaN where unknown; undefined without any
-  // The last `still` rays go through places that stand still. From `start` on they show the same whatever state the
-  // scene is in.
-  int64_t still = 0;
+  // The last `drawn` rays go through known places. From `start` on they show the same whatever state the scene is in, as
+  // long as the key point that carries the place stays.
+  int64_t drawn = 0;
   torch::Tensor start;  // [R], 0 for the other rays; undefined without any
+  torch::Tensor kept;   // [drawn] int64, the key point that carries the place, or kStandsStill
 };
 
 class TrainingRays {
@@ -32,8 +33,9 @@ class TrainingRays {
   // From now on a quarter of the rays goes through pixels of known distance.
   void SetDepthTargets(const DepthTargets& targets);
 
-  // From now on this share of the rays, at most three quarters, goes through places that stand still.
-  void SetStillPlaces(const DepthTargets& places, double share);
+  // From now on these shares of the rays, together at most three quarters, go through the places that stand still and
+  // through those that a key point carries.
+  void SetKnownPlaces(const DepthTargets& places, double still_share, double carried_share);
 
   // `count` pixels drawn uniformly, with repetition, from LibTorch's default CPU generator.
   RayTargets Sample(int64_t count) const;
@@ -42,15 +44,20 @@ class TrainingRays {
   const torch::Tensor& mean_color() const { return mean_color_; }  // [3], of all pixels
 
  private:
+  struct KnownPlaces {
+    double share = 0;                          // of the rays
+    torch::Tensor pixel, distance, key_point;  // [S] int64, float32, int64
+  };
+
   torch::Tensor PixelsOf(const DepthTargets& places) const;
+  KnownPlaces Where(const DepthTargets& places, const torch::Tensor& chosen, double share) const;
 
   CameraTensors cameras_;
   torch::Tensor images_;      // [F, H, W, 3] uint8
   torch::Tensor mean_color_;  // [3]
   DepthTargets targets_;
   torch::Tensor target_pixel_;  // [M] int64 into all pixels
-  double still_share_ = 0;
-  torch::Tensor still_pixel_, still_distance_;  // [S] int64 and float32
+  KnownPlaces still_, carried_;
 };
 
 }  // namespace editnerf

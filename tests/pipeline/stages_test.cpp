@@ -13,6 +13,8 @@ TEST_CASE("rays through what stands still need marching, and the whole way says 
   CHECK_NOTHROW(CheckTraining(config));
   config.train.still_share = 0.1;
   CHECK_THROWS_WITH(CheckTraining(config), HasText("train.still_share"));
+  std::swap(config.train.still_share, config.train.carried_share);
+  CHECK_THROWS_WITH(CheckTraining(config), HasText("train.carried_share"));
   const ScratchFolder scratch;
   WholeWayRequest request;
   request.input = scratch.path();

@@ -191,7 +191,7 @@ TEST_CASE("a key point on a rigid part goes as far as its part and is known in e
   const std::vector<Candidate> candidates = PartCandidates(body.clip, moving);
   REQUIRE(candidates.size() == 1);
   const Candidate& candidate = candidates[0];
-  CHECK(candidate.rigid);
+  CHECK(candidate.part == 0);
   CHECK(candidate.pixels.CountVisible() > kFrames / 2);
   std::vector<double> ranges;
   for (const PartPoint& point : moving.parts[0].body.points)
@@ -204,8 +204,9 @@ TEST_CASE("a key point on a rigid part goes as far as its part and is known in e
 TEST_CASE("depths of a part are those of its points, away from its edge") {
   Body body(Slide);
   const RigidPart part = body.Fit();
-  const DepthTargets targets = PartDepths(body.clip, body.tracks, part);
+  const DepthTargets targets = PartDepths(body.clip, body.tracks, part, 3);
   REQUIRE(targets.size() > 500);
+  CHECK((targets.key_point == 3).all().item<bool>());
   double worst = 0;
   for (int64_t i = 0; i < targets.size(); ++i) {
     const int64_t t = targets.frame[i].item<int64_t>();

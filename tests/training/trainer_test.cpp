@@ -120,17 +120,18 @@ TEST_CASE("what stands still is learnt under key points that no frame has") {
   const auto truth = scene.truth->depth.index_select(0, torch::tensor(scene.train, torch::kInt64));
   still.distance = torch::cat({truth.select(1, 16).select(1, 1), truth.select(1, 16).select(1, 30)});
   still.tolerance = torch::full({16}, 0.01F);
+  still.key_point = torch::full({16}, kStandsStill, torch::kInt64);
   const auto error_elsewhere = [&](double share) {
     torch::manual_seed(1);
     Config config = SmallFast();
     config.train.still_share = share;
     const Run run = MakeRun(config, FieldStage::kTrain, scene, TrueTracks(scene), torch::kCPU);
     Trainer trainer(run, scene, std::nullopt, Scratch("still"));
-    trainer.SetStillPlaces(still);
+    trainer.SetKnownPlaces(still);
     for (int i = 0; i < 200; ++i) CHECK(std::isfinite(trainer.Step().at("reconstruction")));
     const torch::NoGradGuard no_grad;
     TrainingRays sampler(scene, scene.train, torch::kCPU);
-    sampler.SetStillPlaces(still, 0.75);
+    sampler.SetKnownPlaces(still, 0.75, 0);
     const RayTargets rays = sampler.Sample(200);
     FrameStates states = run.field->States(torch::zeros({200}, torch::kInt64));
     const torch::Tensor a = run.field->States(torch::randint(8, {200}, torch::kInt64)).key_points;
@@ -139,7 +140,7 @@ TEST_CASE("what stands still is learnt under key points that no frame has") {
     options.start = rays.start;
     const RayResult seen = run.renderer->Render(
         *run.field, {rays.rays.origin, rays.rays.direction, torch::arange(200, torch::kInt64)}, states, options);
-    return (seen.rgb - rays.target).slice(0, 200 - rays.still).square().mean().item<double>();
+    return (seen.rgb - rays.target).slice(0, 200 - rays.drawn).square().mean().item<double>();
   };
   CHECK(error_elsewhere(0.5) < 0.8 * error_elsewhere(0));
 }

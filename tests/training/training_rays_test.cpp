@@ -22,26 +22,36 @@ Scene SmallScene() {
 
 }  // namespace
 
-TEST_CASE("a share of the rays goes through places that stand still, from shortly before them on") {
+TEST_CASE("shares of the rays go through places that stand still or are carried, from shortly before them on") {
   torch::manual_seed(1);
   const Scene scene = SmallScene();
   TrainingRays rays(scene, scene.train, torch::kCPU);
-  CHECK(rays.Sample(40).still == 0);
+  CHECK(rays.Sample(40).drawn == 0);
   CHECK(!rays.Sample(40).start.defined());
-  rays.SetStillPlaces({}, 0.5);
-  CHECK(rays.Sample(40).still == 0);
-  const DepthTargets places = {torch::tensor({1, 3}, torch::kInt64),
-                               torch::tensor({5, 2, 11, 7}, torch::kInt64).view({2, 2}), torch::tensor({0.5F, 0.7F}),
-                               torch::tensor({0.01F, 0.01F})};
-  rays.SetStillPlaces(places, 0.25);
-  const RayTargets batch = rays.Sample(40);
-  REQUIRE(batch.still == 10);
-  CHECK((batch.start.slice(0, 0, 30) == 0).all().item<bool>());
-  for (int64_t i = 30; i < 40; ++i) {
-    const bool first = batch.frame[i].item<int64_t>() == 1;
-    CHECK((first || batch.frame[i].item<int64_t>() == 3));
-    CHECK(batch.start[i].item<float>() == Approx(first ? 0.45 : 0.63));
-    const torch::Tensor color = first ? scene.images[scene.train[1]][2][5] : scene.images[scene.train[3]][7][11];
-    CHECK(torch::allclose(batch.target[i], color.to(torch::kFloat32) / 255));
-  }
+  rays.SetKnownPlaces({}, 0.5, 0.2);
+  CHECK(rays.Sample(40).drawn == 0);
+  // Of three places one stands still, one goes with key point 1, and one with none.
+  const DepthTargets places = {torch::tensor({1, 3, 2}, torch::kInt64),
+                               torch::tensor({5, 2, 11, 7, 8, 8}, torch::kInt64).view({3, 2}),
+                               torch::tensor({0.5F, 0.7F, 0.9F}), torch::tensor({0.01F, 0.01F, 0.01F}),
+                               torch::tensor({kStandsStill, int64_t{1}, kNotCarried})};
+  const auto check = [&](double still_share, double carried_share, int64_t still, int64_t carried) {
+    rays.SetKnownPlaces(places, still_share, carried_share);
+    const RayTargets batch = rays.Sample(40);
+    const int64_t drawn = still + carried;
+    REQUIRE(batch.drawn == drawn);
+    REQUIRE(batch.kept.size(0) == drawn);
+    CHECK((batch.start.slice(0, 0, 40 - drawn) == 0).all().item<bool>());
+    CHECK((batch.kept == kStandsStill).sum().item<int64_t>() == still);
+    for (int64_t i = 40 - drawn; i < 40; ++i) {
+      const bool stands = batch.kept[i - 40 + drawn].item<int64_t>() == kStandsStill;
+      CHECK(batch.frame[i].item<int64_t>() == (stands ? 1 : 3));
+      CHECK(batch.start[i].item<float>() == Approx(stands ? 0.45 : 0.63));
+      const torch::Tensor color = stands ? scene.images[scene.train[1]][2][5] : scene.images[scene.train[3]][7][11];
+      CHECK(torch::allclose(batch.target[i], color.to(torch::kFloat32) / 255));
+    }
+  };
+  check(0.25, 0, 10, 0);
+  check(0, 0.2, 0, 8);
+  check(0.25, 0.2, 10, 8);
 }
