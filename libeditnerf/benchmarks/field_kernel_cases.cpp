@@ -116,7 +116,7 @@ std::vector<KernelCase> FieldKernelCases(const Config& config, int64_t samples) 
   };
   const auto density_fused = [s] {
     const torch::NoGradGuard no_grad;
-    FusedDensity(FieldKernel(*s.fused->Fused(), FusedStatesOf(StatesOf(*s.fused))), s.x, s.state);
+    FusedDensity(FieldKernel(*s.fused->Fused(), FusedStatesOf(*s.fused, StatesOf(*s.fused))), s.x, s.state);
   };
   const auto show = [s](const std::shared_ptr<HyperspaceField>& field) {
     const torch::NoGradGuard no_grad;

@@ -69,9 +69,8 @@ torch::Tensor FastHyperspace::DensityFeatures(const HyperspaceInput& input) {
   std::vector<torch::Tensor> features = {
       HashEncode((input.x_canonical - box_low_) / side, canonical_table_, canonical_resolutions_)};
   if (options_.anchored) {
-    CheckShape(input.anchor, {input.x_canonical.size(0), 3}, "fast field anchor");
-    const torch::Tensor local =
-        (input.x_canonical - input.anchor) / (side * options_.config.local_extent);  // in [-0.5, 0.5]
+    CheckShape(input.local, {input.x_canonical.size(0), 3}, "fast field local");
+    const torch::Tensor local = input.local / (side * options_.config.local_extent);  // in [-0.5, 0.5]
     const torch::Tensor margin = 1 - 2 * std::get<0>(local.detach().abs().max(1, true));
     features.push_back(HashEncode(local + 0.5, local_table_, local_resolutions_) * (margin / kFade).clamp(0, 1));
   }

@@ -1,10 +1,11 @@
 // The fast field's network over hyperspace: two hash encodings and two small networks.
 //
 //   f = [ hash(x'), hash(x' - p), gamma(ambient) ]      (x', p) and (x', x' - p) span the same six dimensions, and in
-//   (sigma, g) = density network (f)                    x' - p a part that translates with its key point stands still
+//   (sigma, g) = density network (f)                    x' - p a part that translates with its key point stands still;
+//                                                       one that turns as well does in local frames (local_frames.h)
 //   c = colour network (g, harmonics(d), alpha_t)
 //
-// Takes the place of H in EditableNeRF, eq. (4). Without an anchor (pretraining) there is no second hash encoding.
+// Takes the place of H in EditableNeRF, eq. (4). Without key points (pretraining) there is no second hash encoding.
 #pragma once
 
 #include <torch/types.h>
@@ -25,7 +26,7 @@ struct FastHyperspaceOptions {
   FastFieldConfig config;
   Box box;                  // of the scene, scene units
   int64_t ambient_dim = 0;  // 0: a static scene
-  bool anchored = false;    // whether HyperspaceInput::anchor is given
+  bool anchored = false;    // whether HyperspaceInput::local is given
   bool use_direction = true;
   int64_t appearance_dim = 0;  // 0: the colour does not depend on the frame
 };

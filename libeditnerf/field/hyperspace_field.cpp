@@ -69,12 +69,20 @@ HyperspaceField::HyperspaceField(const HyperspaceFieldOptions& options) : option
       key_points_ = KeyPointTable(num_frames, num_key_points);
     }
     register_module("key_points", key_points_);
+    if (options_.initial_turns.defined()) {
+      options_.local_frames = true;
+      local_frames_ = LocalFrames(key_points_->ToLocal(options_.initial_tracks.to(torch::kFloat32)),
+                                  UnwrapTurns(options_.initial_turns));
+    } else if (options_.local_frames) {
+      local_frames_ = LocalFrames(num_key_points);
+    }
+    if (local_frames_) register_module("local_frames", local_frames_);
     if (num_key_points > 1) {
       weights_ = register_module("weights", WeightNetwork(config.weights, num_key_points, options_.initial_tracks));
     }
     ambient_dim = 3;
   }
-  options_.initial_tracks = torch::Tensor();
+  options_.initial_tracks = options_.initial_turns = torch::Tensor();
   if (config.kind == "paper") coarse_ = register_module("coarse", MakeNetwork(options_, ambient_dim));
   fine_ = register_module("fine", MakeNetwork(options_, ambient_dim));
   SetStep(0);
@@ -97,6 +105,11 @@ FrameStates HyperspaceField::States(const torch::Tensor& time) {
   return states;
 }
 
+torch::Tensor HyperspaceField::LocalFramesOf(const torch::Tensor& key_points) {
+  if (!local_frames_ || !key_points.defined()) return {};
+  return local_frames_->forward(key_points_->ToLocal(key_points));
+}
+
 HyperspaceInput HyperspaceField::ToHyperspace(const FieldInput& input, const FrameStates& states, FieldOutput* output) {
   CheckShape(input.x_observed, {kAny, 3}, "field x_observed");
   CheckShape(input.state, {input.x_observed.size(0)}, "field state");
@@ -112,12 +125,16 @@ HyperspaceInput HyperspaceField::ToHyperspace(const FieldInput& input, const Fra
     }
     CheckShape(states.key_points, {kAny, num_key_points(), 3}, "field key points");
     if (weights_) output->weights = weights_->forward(inner.x_canonical);
-    inner.anchor = WeightedKeyPoint(output->weights, states.key_points, input.state);
+    output->anchor = WeightedKeyPoint(output->weights, states.key_points, input.state);
+    inner.local = inner.x_canonical - output->anchor;
+    if (local_frames_) {
+      inner.local = InLocalFrames(inner.x_canonical, output->weights, states.key_points,
+                                  LocalFramesOf(states.key_points), input.state);
+    }
     inner.ambient = WeightedKeyPoint(output->weights, key_points_->ToLocal(states.key_points), input.state);
   }
   output->x_canonical = inner.x_canonical;
   output->ambient = inner.ambient;
-  output->anchor = inner.anchor;
   return inner;
 }
 
@@ -149,6 +166,7 @@ std::optional<FusedField> HyperspaceField::Fused() const {
     field.num_key_points = num_key_points();
     field.key_scale = key_points_->scale;
     field.key_offset = key_points_->offset;
+    field.local_frames = has_local_frames();
   }
   if (weights_) weights_->AddTo(&field);
   if (!CanFuse(field)) return std::nullopt;

@@ -9,6 +9,7 @@
 #include "libeditnerf/field/frame_codes.h"
 #include "libeditnerf/field/hyperspace_network.h"
 #include "libeditnerf/field/key_points.h"
+#include "libeditnerf/field/local_frames.h"
 #include "libeditnerf/field/radiance_field.h"
 #include "libeditnerf/field/slicing_network.h"
 #include "libeditnerf/field/warp_field.h"
@@ -24,6 +25,8 @@ struct HyperspaceFieldOptions {
   Box box;                       // of the scene, scene units
   int64_t num_key_points = 0;    // N, training only; 0: a static scene
   torch::Tensor initial_tracks;  // [T, N, 3], scene units; undefined: to be loaded from a checkpoint
+  torch::Tensor initial_turns;   // [T, N, 3], rotation vectors from the parts' own axes to the scene's; may be undefined
+  bool local_frames = false;     // parts turn, which `initial_turns` says, or the checkpoint to be loaded
 };
 
 class HyperspaceField : public RadianceField {
@@ -44,8 +47,10 @@ class HyperspaceField : public RadianceField {
   const HyperspaceFieldOptions& options() const { return options_; }
   int64_t num_key_points() const { return options_.stage == FieldStage::kTrain ? options_.num_key_points : 0; }
   KeyPointTable key_points() { return key_points_; }  // empty in pretraining
+  bool has_local_frames() const { return !local_frames_.is_empty(); }
+  torch::Tensor LocalFramesOf(const torch::Tensor& key_points) override;
 
-  // Whether key points alone decide where x' - p is: one key point and no warp field.
+  // Whether key points alone decide where a part's own coordinates lie: one key point and no warp field.
   bool has_rigid_anchor() const;
 
  private:
@@ -57,6 +62,7 @@ class HyperspaceField : public RadianceField {
   FrameCodes warp_codes_{nullptr}, appearance_codes_{nullptr};
   SlicingNetwork slicing_{nullptr};
   KeyPointTable key_points_{nullptr};
+  LocalFrames local_frames_{nullptr};
   WeightNetwork weights_{nullptr};
   std::shared_ptr<HyperspaceNetwork> coarse_, fine_;
 };

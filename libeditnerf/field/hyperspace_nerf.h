@@ -30,7 +30,7 @@ class HyperspaceNerfImpl : public HyperspaceNetwork {
  public:
   HyperspaceNerfImpl(const HyperspaceNerfConfig& config, const HyperspaceInputs& inputs);  // throws ConfigError
 
-  // HyperspaceNetwork. `anchor` is not read; neither are inputs that the network was not built for.
+  // HyperspaceNetwork. `local` is not read; neither are inputs that the network was not built for.
   HyperspaceOutput Evaluate(const HyperspaceInput& input) override;
   torch::Tensor Density(const HyperspaceInput& input) override;
 

@@ -64,14 +64,18 @@ class RadianceField : public torch::nn::Module {
   // The same without radiance: cheaper, and `input.direction` is not read.
   virtual FieldOutput EvaluateDensity(const FieldInput& input, const FrameStates& states, Level level) = 0;
 
+  // Local frames of key points [F, N, 3]: R [F, N, 3, 3] from scene axes to each part's own, differentiable; undefined
+  // where parts do not turn.
+  virtual torch::Tensor LocalFramesOf(const torch::Tensor& /*key_points*/) { return {}; }
+
   // The same field as data for the fused kernels (kernels/fused_field.h), or nothing where it has to be evaluated
   // module by module. Renderers and the trainer ask here, and nowhere else, which of the two ways to go.
   virtual std::optional<FusedField> Fused() const { return std::nullopt; }
 };
 
 // What the fused kernels read of the states.
-inline FusedStates FusedStatesOf(const FrameStates& states) {
-  return {states.key_points, states.warp_code, states.appearance_code};
+inline FusedStates FusedStatesOf(RadianceField& field, const FrameStates& states) {
+  return {states.key_points, field.LocalFramesOf(states.key_points), states.warp_code, states.appearance_code};
 }
 
 }  // namespace editnerf

@@ -53,6 +53,7 @@ FieldKernel::FieldKernel(const FusedField& field, const FusedStates& states)
   const int64_t n = field_.num_key_points;
   if (n == 0) return;
   keys_ = data(states_.key_points);
+  if (field_.local_frames) frames_ = data(states_.local_frames);
   const float *const scale = field_.key_scale.data_ptr<float>(), *const offset = field_.key_offset.data_ptr<float>();
   local_keys_.resize(static_cast<size_t>(num_states_ * n * 3));
   for (int64_t i = 0; i < num_states_ * n * 3; ++i) {
@@ -98,6 +99,8 @@ void FieldKernel::EncodeWithin(const float* fade, const float* unit, int64_t cou
 void FieldKernel::Anchors(const int32_t* state, int64_t count, TileMemory& tile) const {
   const int64_t n = field_.num_key_points;
   float *const anchor = tile.Row(rows_.anchor), *const ambient = tile.Row(rows_.ambient);
+  if (n > 1 || field_.local_frames) SpreadRows(keys_, 3 * n, state, count, tile.Row(rows_.keys));
+  if (field_.local_frames) SpreadRows(frames_, 9 * n, state, count, tile.Row(rows_.frames));
   if (n == 1) {
     SpreadRows(keys_, 3, state, count, anchor);
     SpreadRows(local_keys_.data(), 3, state, count, ambient);
@@ -111,7 +114,6 @@ void FieldKernel::Anchors(const int32_t* state, int64_t count, TileMemory& tile)
     SubtractDistances(x, field_.anchors.data_ptr<float>(), n, field_.anchors.size(1), field_.prior, count, weights);
   }
   Softmax(n, count, weights);
-  SpreadRows(keys_, 3 * n, state, count, tile.Row(rows_.keys));
   WeightedSum(weights, tile.Row(rows_.keys), field_.key_scale.data_ptr<float>(), field_.key_offset.data_ptr<float>(), n,
               count, anchor, ambient);
 }
@@ -132,8 +134,13 @@ void FieldKernel::Density(const int32_t* state, int64_t count, TileMemory& tile)
   if (!slicing_.empty()) Slices(state, count, tile);
   if (rows_.local_features > 0) {
     float* const encoded = TileRow(features, rows_.canonical_features);
-    LocalCoordinates(x, tile.Row(rows_.anchor), field_.local_side, field_.fade_margin, count, tile.Row(rows_.local),
-                     tile.Row(rows_.fade));
+    if (field_.local_frames) {
+      SumInFrames(x, WeightsOf(tile), tile.Row(rows_.keys), tile.Row(rows_.frames), field_.num_key_points, count,
+                  tile.Row(rows_.turned));
+    }
+    LocalCoordinates(field_.local_frames ? tile.Row(rows_.turned) : x,
+                     field_.local_frames ? nullptr : tile.Row(rows_.anchor), field_.local_side, field_.fade_margin,
+                     count, tile.Row(rows_.local), tile.Row(rows_.fade));
     EncodeWithin(tile.Row(rows_.fade), tile.Row(rows_.local), count, encoded);
     ScaleRows(tile.Row(rows_.fade), rows_.local_features, count, encoded);
   }
@@ -200,8 +207,13 @@ void FieldKernel::KeyPointsBackward(int64_t count, const float* grad_ambient, Ti
                                     FieldSums& sums, const TileGradients& to) const {
   const int64_t n = field_.num_key_points;
   float *const grad_weights = scratch, *const grad_anchor = TileRow(scratch, n);
-  float* const axes[3] = {grad_anchor, TileRow(grad_anchor, 1), TileRow(grad_anchor, 2)};
-  for (float* const axis : axes) std::fill_n(axis, kTile, 0.0F);
+  // The slope with respect to l is what the anchor gets, but for the sign; in local frames the anchor gets nothing.
+  float* const grad_local = field_.local_frames ? TileRow(scratch, n + 3) : grad_anchor;
+  float* const axes[3] = {grad_local, TileRow(grad_local, 1), TileRow(grad_local, 2)};
+  for (int64_t row = 0; row < 3; ++row) {
+    std::fill_n(TileRow(grad_anchor, row), kTile, 0.0F);
+    std::fill_n(axes[row], kTile, 0.0F);
+  }
   if (rows_.local_features > 0) {
     const ThreadPhase phase(Phase::kTableGradients);
     const int64_t table_size = field_.local.table.size(1);
@@ -212,16 +224,23 @@ void FieldKernel::KeyPointsBackward(int64_t count, const float* grad_ambient, Ti
       SlopeHashLevel(points, {field_.local.resolutions[l], table_size}, table + 2 * level * table_size,
                      TileRow(to.local, 2 * level), TileRow(to.local, 2 * level + 1), axes);
     }
-    ScaleRows(-1 / field_.local_side, 3, count, grad_anchor);
+    ScaleRows((field_.local_frames ? 1 : -1) / field_.local_side, 3, count, grad_local);
   }
+  const auto add_frames = [&](float* to_weights) {
+    if (!field_.local_frames) return;
+    SumInFramesGradient(tile.Row(rows_.x), WeightsOf(tile), tile.Row(rows_.keys), tile.Row(rows_.frames), n, count,
+                        grad_local, to_weights, to.keys, to.frames);
+  };
   const float *const scale = field_.key_scale.data_ptr<float>(), *const offset = field_.key_offset.data_ptr<float>();
   if (n == 1) {
     AddRows(grad_anchor, grad_ambient, scale[0], 3, count, to.keys);
+    add_frames(nullptr);
     return;
   }
   float* const weights = tile.Row(rows_.weights);
   WeightedSumGradient(weights, tile.Row(rows_.keys), scale, offset, n, count, grad_anchor, grad_ambient, grad_weights,
                       to.keys);
+  add_frames(grad_weights);
   SoftmaxGradient(weights, n, count, grad_weights);
   weights_.Backward(tile.Row(rows_.weight_in), tile.Row(rows_.weight_act), grad_weights, count, TileRow(scratch, n + 6),
                     sums.weights, {});

@@ -23,6 +23,7 @@ struct TileGradients {
   float* canonical = nullptr;   // [canonical_features], with respect to the hash features
   float* local = nullptr;       // [local_features]
   float* keys = nullptr;        // [3 N], with respect to the samples' key points, scene units
+  float* frames = nullptr;      // [9 N], with respect to their local frames
   float* code = nullptr;        // [code_dim]
   float* appearance = nullptr;  // [appearance_dim]
 };
@@ -35,6 +36,9 @@ class FieldKernel {
   const FusedField& field() const { return field_; }
   const FieldRows& rows() const { return rows_; }
   const float* KeyPoints(int64_t state) const { return keys_ + state * 3 * field_.num_key_points; }  // [N, 3]
+  const float* LocalFrames(int64_t state) const {  // [N, 3, 3]; nullptr where parts do not turn
+    return frames_ == nullptr ? nullptr : frames_ + state * 9 * field_.num_key_points;
+  }
   int64_t num_states() const { return num_states_; }                                                 // -1: any
 
   // From the rows x to density: everything up to and without the harmonics. state [count]: row of the states.
@@ -54,6 +58,9 @@ class FieldKernel {
 
  private:
   void Anchors(const int32_t* state, int64_t count, TileMemory& tile) const;
+  const float* WeightsOf(const TileMemory& tile) const {  // nullptr for one key point
+    return field_.num_key_points > 1 ? tile.Row(rows_.weights) : nullptr;
+  }
   void Slices(const int32_t* state, int64_t count, TileMemory& tile) const;
   void Encode(const FusedHash& hash, const float* unit, int64_t count, float* out) const;
   void EncodeWithin(const float* fade, const float* unit, int64_t count, float* out) const;
@@ -65,7 +72,7 @@ class FieldKernel {
   FieldRows rows_;
   TileMlp density_, color_, weights_, slicing_;
   int64_t num_states_ = -1;
-  const float *keys_ = nullptr, *codes_ = nullptr, *appearances_ = nullptr;
+  const float *keys_ = nullptr, *frames_ = nullptr, *codes_ = nullptr, *appearances_ = nullptr;
   std::vector<float> local_keys_;  // [F, N, 3], in local coordinates
 };
 

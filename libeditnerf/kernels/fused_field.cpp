@@ -63,6 +63,7 @@ void CheckFused(const FusedField& field, const FusedStates& states) {
     }
   };
   if (field.num_key_points > 0) check(states.key_points, {field.num_key_points, 3}, "key points");
+  if (field.local_frames) check(states.local_frames, {field.num_key_points, 3, 3}, "local frames");
   if (field.code_dim > 0) check(states.warp_code, {field.code_dim}, "warp codes");
   if (field.appearance_dim > 0) check(states.appearance, {field.appearance_dim}, "appearance codes");
 }
@@ -81,11 +82,13 @@ FieldRows::FieldRows(const FusedField& field) {
   num_features = canonical_features + local_features + ambient_features;
 
   t = take(1), slot = take(1), x = take(3), unit = take(3);
-  keys = take(weighted ? 3 * n : 0);
+  keys = take(weighted || field.local_frames ? 3 * n : 0);
+  frames = take(field.local_frames ? 9 * n : 0);
   weight_in = take(weighted ? Encoded(3, field.weight_octaves) : 0);
   weight_act = take(Activations(field.weights));
   weights = next - (weighted ? n : 0);
   anchor = take(n > 0 ? 3 : 0);
+  turned = take(field.local_frames ? 3 : 0);
   local = take(local_features > 0 ? 3 : 0);
   fade = take(local_features > 0 ? 1 : 0);
   slicing_in = take(field.slicing.weights.empty() ? 0 : Encoded(3, field.slicing_octaves) + field.code_dim);

@@ -2,7 +2,8 @@
 //
 //   p = k_t (one key point) or sum_i w^i(x) k_t^i,  w = softmax(W(gamma(x)) - prior d(x))
 //   a = p in local coordinates, or in pretraining the slice S(gamma(x), beta_t)
-//   (log sigma, g) = density network (hash(x), fade hash(x - p), window gamma(a))
+//   l = x - p, or in local frames sum_i w^i R_t^i (x - k_t^i)
+//   (log sigma, g) = density network (hash(x), fade hash(l), window gamma(a))
 //   c = sigmoid(colour network (g, harmonics(d), alpha_t))
 //
 // field/fast_hyperspace.h and its neighbours are the same in LibTorch's operations, and what these kernels are tested
@@ -29,12 +30,13 @@ struct FusedField {
   FusedHash canonical;        // over (x - low) / side
   std::array<float, 3> low;   // scene units
   float side = 1;             // scene units
-  FusedHash local;            // over (x - p) / local_side + 1/2
+  FusedHash local;            // over l / local_side + 1/2
   float local_side = 1;       // scene units
   float fade_margin = 0.125;  // share of the local cube's half side over which its features fade to zero
 
   int64_t num_key_points = 0;        // N; 0: a static scene, or pretraining
   at::Tensor key_scale, key_offset;  // [N], [N, 3]: local coordinates are scale k + offset
+  bool local_frames = false;         // whether parts turn as their key points move
   MlpLayers weights;                 // N > 1 alone
   int64_t weight_octaves = 0;
   at::Tensor anchors;  // [N, A, 3], positions of the initial tracks; undefined: no prior
@@ -57,9 +59,10 @@ struct FusedField {
 
 // What frames or edits put into the field, row by row; undefined where the field has no use for it.
 struct FusedStates {
-  at::Tensor key_points;  // [F, N, 3], scene units
-  at::Tensor warp_code;   // [F, code_dim]
-  at::Tensor appearance;  // [F, appearance_dim]
+  at::Tensor key_points;    // [F, N, 3], scene units
+  at::Tensor local_frames;  // [F, N, 3, 3], from scene axes to the parts' own
+  at::Tensor warp_code;     // [F, code_dim]
+  at::Tensor appearance;    // [F, appearance_dim]
 };
 
 // Whether all of it is float32, contiguous and on the CPU, with two features per table entry and few enough octaves.
@@ -79,8 +82,9 @@ struct FieldRows {
   int64_t t, slot;                               // 1 each, of the ray bundle: distance along the ray, and which ray
   int64_t x;                                     // 3, scene units
   int64_t unit;                                  // 3, coordinates of the canonical hash
-  int64_t keys, weight_in, weight_act, weights;  // 3 N, encoding, activations, the last N of which are the weights
-  int64_t anchor, local, fade;                   // 3, 3, 1
+  int64_t keys, frames;                          // 3 N and 9 N, of the samples' states
+  int64_t weight_in, weight_act, weights;        // encoding, activations, the last N of which are the weights
+  int64_t anchor, turned, local, fade;           // p, l in local frames, l as the hash takes it: 3, 3, 3, 1
   int64_t slicing_in, slicing_act;               // encoding and code, activations
   int64_t ambient;                               // A
   int64_t features, density_act;                 // input and activations of the density network

@@ -17,8 +17,8 @@ constexpr int64_t kGrain = 128;         // rays of a picture
 
 // Sizes of everything that workers and parts hold: those of the field's parameters.
 std::vector<int64_t> SizesOf(const FusedField& field) {
-  std::vector<int64_t> sizes = {field.num_key_points,  field.code_dim,       field.appearance_dim, field.use_direction,
-                                field.ambient_octaves, field.weight_octaves, field.slicing_octaves};
+  std::vector<int64_t> sizes = {field.num_key_points,  field.code_dim,       field.appearance_dim,  field.use_direction,
+                                field.ambient_octaves, field.weight_octaves, field.slicing_octaves, field.local_frames};
   const auto add = [&](const at::Tensor& tensor) {
     for (int64_t d = 0; tensor.defined() && d < tensor.dim(); ++d) sizes.push_back(tensor.size(d));
   };
@@ -32,10 +32,11 @@ std::vector<int64_t> SizesOf(const FusedField& field) {
 
 // Floats of a ray's row in to_states_.
 struct StateRow {
-  int64_t keys, code, appearance, size;
+  int64_t keys, frames, code, appearance, size;
   explicit StateRow(const FusedField& field)
       : keys(0),
-        code(3 * field.num_key_points),
+        frames(3 * field.num_key_points),
+        code(frames + (field.local_frames ? 9 * field.num_key_points : 0)),
         appearance(code + field.code_dim),
         size(appearance + field.appearance_dim) {}
 };
@@ -59,13 +60,14 @@ struct FusedRays::Worker {
   std::vector<int64_t> sizes;
   RayBundle bundle;
   RayShading shading;
-  TileMemory scratch, to_keys, to_code, to_appearance;
+  TileMemory scratch, to_keys, to_frames, to_code, to_appearance;
 
   explicit Worker(const FieldKernel& field)
       : sizes(SizesOf(field.field())),
         bundle(field.rows()),
         scratch(field.scratch_rows()),
         to_keys(3 * field.field().num_key_points),
+        to_frames(field.field().local_frames ? 9 * field.field().num_key_points : 0),
         to_code(field.field().code_dim),
         to_appearance(field.field().appearance_dim) {}
   bool Fits(const FieldKernel& field) const { return sizes == SizesOf(field.field()); }
@@ -129,8 +131,8 @@ void FusedRays::TrainPart(const FieldKernel& field, const BundledRays& rays, con
       const FeatureGradients::Tile features = part.features.Next(tile.count);
       std::copy_n(tile.memory.Row(rows.unit), 3 * kTileStride, features.unit);
       if (rows.local_features > 0) std::copy_n(tile.memory.Row(rows.local), 3 * kTileStride, features.local);
-      const TileGradients to = {features.canonical, features.locals, worker.to_keys.rows(), worker.to_code.rows(),
-                                worker.to_appearance.rows()};
+      const TileGradients to = {features.canonical,      features.locals,       worker.to_keys.rows(),
+                                worker.to_frames.rows(), worker.to_code.rows(), worker.to_appearance.rows()};
       field.Backward(tile.count, tile.memory, worker.scratch, part.sums, to);
       const float* const slots = tile.memory.Row(rows.slot);
       for (int64_t s = 0; s < tile.count; ++s) {
@@ -138,7 +140,8 @@ void FusedRays::TrainPart(const FieldKernel& field, const BundledRays& rays, con
         const auto add = [&](const TileMemory& from, int64_t first, int64_t width) {
           for (int64_t k = 0; k < width; ++k) sum[first + k] += from.Row(k)[s];
         };
-        add(worker.to_keys, state_row.keys, state_row.code);
+        add(worker.to_keys, state_row.keys, state_row.frames);
+        add(worker.to_frames, state_row.frames, state_row.code - state_row.frames);
         add(worker.to_code, state_row.code, field.field().code_dim);
         add(worker.to_appearance, state_row.appearance, field.field().appearance_dim);
       }
@@ -177,7 +180,9 @@ void FusedRays::AddToStates(const FieldKernel& field, const BundledRays& rays, F
   const FusedField& f = field.field();
   const StateRow row(f);
   const int64_t count = field.num_states();
-  AddTable(to_states_, row, row.keys, row.code, rays, {count, f.num_key_points, 3}, &states->key_points);
+  AddTable(to_states_, row, row.keys, row.frames, rays, {count, f.num_key_points, 3}, &states->key_points);
+  AddTable(to_states_, row, row.frames, row.code - row.frames, rays, {count, f.num_key_points, 3, 3},
+           &states->local_frames);
   AddTable(to_states_, row, row.code, f.code_dim, rays, {count, f.code_dim}, &states->warp_code);
   AddTable(to_states_, row, row.appearance, f.appearance_dim, rays, {count, f.appearance_dim}, &states->appearance);
 }

@@ -39,7 +39,7 @@ class FusedRays {
   std::mutex mutex_;  // of idle_
   std::vector<std::unique_ptr<Worker>> idle_;
   std::vector<std::unique_ptr<Part>> parts_;
-  std::vector<float> to_states_;  // of every ray: key points, code, appearance
+  std::vector<float> to_states_;  // of every ray: key points, local frames, code, appearance
 };
 
 // Density of the points x [S, 3], scene units, in the states `state` [S] (int64): [S]. Without gradients.

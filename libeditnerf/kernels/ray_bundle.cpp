@@ -34,10 +34,13 @@ int64_t RayBundle::Fill(const FieldKernel& field, const BundledRays& rays, bool 
   num_samples_ = 0;
   for (;;) {
     while (active_.size() < most_active && num_samples_ < kFull && first < end) {
-      const float* const anchor = rays.local_grid != nullptr ? field.KeyPoints(rays.state[first]) : nullptr;
+      LocalView local;
+      if (rays.local_grid != nullptr) {
+        local = {rays.local_grid, field.KeyPoints(rays.state[first]), field.LocalFrames(rays.state[first])};
+      }
       Active ray;
-      ray.cursor = RayCursor(*rays.grid, rays.local_grid, rays.steps, rays.origin + 3 * first,
-                             rays.direction + 3 * first, anchor, rays.jitter[first], rays.FirstSample(first));
+      ray.cursor = RayCursor(*rays.grid, local, rays.steps, rays.origin + 3 * first, rays.direction + 3 * first,
+                             rays.jitter[first], rays.FirstSample(first));
       ray.slot = static_cast<int32_t>(rays_.size());
       active_.push_back(ray);
       rays_.push_back(first++);

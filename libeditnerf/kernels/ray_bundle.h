@@ -23,7 +23,7 @@ struct BundledRays {
   const float* start = nullptr;    // [R], distance before which there is nothing to see; nullptr: look everywhere
   const int64_t* state = nullptr;  // [R], rows of the field's states
   const MarchedGrid* grid = nullptr;
-  const MarchedGrid* local_grid = nullptr;  // over x - p, for one key point; nullptr: none
+  const MarchedGrid* local_grid = nullptr;  // over l, for one key point; nullptr: none
   MarchedSteps steps;
   float delta = 0;        // length of a step
   double early_stop = 0;  // transmittance at which a ray ends; 0: never

@@ -20,13 +20,24 @@ MarchedGrid::MarchedGrid(const OccupancyBits& bits) : resolution(bits.resolution
   }
 }
 
-RayInGrid::RayInGrid(const MarchedGrid& grid, const float* origin, const float* direction, const float* anchor,
-                     double first_t, double step)
-    : grid_(&grid), anchor_(anchor) {
+RayInGrid::RayInGrid(const LocalView& view, const float* origin, const float* direction, double first_t, double step)
+    : view_(view) {
+  double first[3], along[3];
   for (int axis = 0; axis < 3; ++axis) {
-    const double x = origin[axis] + first_t * direction[axis] - anchor[axis];
-    start_[axis] = (x - grid.low[axis]) * grid.scale[axis];
-    per_cell_[axis] = 1 / (step * direction[axis] * grid.scale[axis]);
+    first[axis] = origin[axis] + first_t * direction[axis];
+    if (view.anchor != nullptr) first[axis] -= view.anchor[axis];
+    along[axis] = step * direction[axis];
+  }
+  const MarchedGrid& grid = *view.grid;
+  for (int own = 0; own < 3; ++own) {
+    double x = first[own], advance = along[own];
+    if (view.turn != nullptr) {
+      const float* const row = view.turn + 3 * own;
+      x = row[0] * first[0] + row[1] * first[1] + row[2] * first[2];
+      advance = row[0] * along[0] + row[1] * along[1] + row[2] * along[2];
+    }
+    start_[own] = (x - grid.low[own]) * grid.scale[own];
+    per_cell_[own] = 1 / (advance * grid.scale[own]);
   }
 }
 
@@ -34,7 +45,7 @@ void RayInGrid::Clip(int64_t* first, int64_t* last) const {
   auto enter = static_cast<double>(*first), leave = static_cast<double>(*last);
   for (int axis = 0; axis < 3; ++axis) {
     const double low = (-kSlack - start_[axis]) * per_cell_[axis];
-    const double high = (static_cast<double>(grid_->resolution) + kSlack - start_[axis]) * per_cell_[axis];
+    const double high = (static_cast<double>(view_.grid->resolution) + kSlack - start_[axis]) * per_cell_[axis];
     enter = std::max(enter, std::min(low, high));
     leave = std::min(leave, std::max(low, high));
   }
@@ -43,10 +54,12 @@ void RayInGrid::Clip(int64_t* first, int64_t* last) const {
 }
 
 int64_t RayInGrid::Next(int64_t i, int64_t last, const float x[3]) const {
-  const MarchedGrid& grid = *grid_;
+  const MarchedGrid& grid = *view_.grid;
   int64_t corner[3];
+  float local[3];
+  view_.Apply(x, local);
   for (int axis = 0; axis < 3; ++axis) {
-    const float cell = ((x[axis] - anchor_[axis]) - grid.low[axis]) * grid.scale[axis];
+    const float cell = (local[axis] - grid.low[axis]) * grid.scale[axis];
     if (!(cell >= 0 && cell < static_cast<float>(grid.resolution))) return i + 1;
     corner[axis] = static_cast<int64_t>(cell);
   }
@@ -60,13 +73,12 @@ int64_t RayInGrid::Next(int64_t i, int64_t last, const float x[3]) const {
   return static_cast<int64_t>(std::max(exit, static_cast<double>(i))) + 1;
 }
 
-RayCursor::RayCursor(const MarchedGrid& grid, const MarchedGrid* local, const MarchedSteps& steps, const float* origin,
-                     const float* direction, const float* anchor, float jitter, int64_t first_sample)
+RayCursor::RayCursor(const MarchedGrid& grid, const LocalView& local, const MarchedSteps& steps, const float* origin,
+                     const float* direction, float jitter, int64_t first_sample)
     : steps_(&steps), origin_(origin), direction_(direction), jitter_(jitter), next_(first_sample), last_(steps.count) {
-  static constexpr float kNoAnchor[3] = {};
   const double first = steps.Position(0, jitter);
-  views_[num_views_++] = RayInGrid(grid, origin, direction, kNoAnchor, first, steps.step);
-  if (local != nullptr) views_[num_views_++] = RayInGrid(*local, origin, direction, anchor, first, steps.step);
+  views_[num_views_++] = RayInGrid({&grid, nullptr, nullptr}, origin, direction, first, steps.step);
+  if (local.grid != nullptr) views_[num_views_++] = RayInGrid(local, origin, direction, first, steps.step);
   for (int v = 0; v < num_views_; ++v) views_[v].Clip(&next_, &last_);
 }
 

@@ -21,13 +21,29 @@ struct MarchedGrid {
   explicit MarchedGrid(const OccupancyBits& bits);
 };
 
+// A grid over turn (x - anchor). What the pointers point to must outlive this.
+struct LocalView {
+  const MarchedGrid* grid = nullptr;  // nullptr: none
+  const float* anchor = nullptr;      // [3]; nullptr: 0
+  const float* turn = nullptr;        // [3, 3] by rows; nullptr: the identity
+
+  void Apply(const float x[3], float local[3]) const {
+    float apart[3] = {x[0], x[1], x[2]};
+    for (int axis = 0; anchor != nullptr && axis < 3; ++axis) apart[axis] -= anchor[axis];
+    for (int own = 0; own < 3; ++own) {
+      local[own] = turn == nullptr ? apart[own]
+                                   : turn[3 * own] * apart[0] + turn[3 * own + 1] * apart[1] +
+                                         turn[3 * own + 2] * apart[2];
+    }
+  }
+};
+
 // One ray in one grid: along an axis, sample i lies at about start + i / per_cell, in cells.
 class RayInGrid {
  public:
   RayInGrid() = default;
-  // The grid's coordinates are x - anchor. The ray's samples lie at first_t + i * step.
-  RayInGrid(const MarchedGrid& grid, const float* origin, const float* direction, const float* anchor, double first_t,
-            double step);
+  // The ray's samples lie at first_t + i * step.
+  RayInGrid(const LocalView& view, const float* origin, const float* direction, double first_t, double step);
 
   // Narrows the samples [first, last) to those that may lie in the box. A NaN narrows nothing.
   void Clip(int64_t* first, int64_t* last) const;
@@ -40,8 +56,7 @@ class RayInGrid {
   // on either side of a wall is looked up.
   static constexpr double kSlack = 1e-3;
 
-  const MarchedGrid* grid_ = nullptr;
-  const float* anchor_ = nullptr;
+  LocalView view_;
   double start_[3];
   double per_cell_[3];  // negative on the way down, infinite where the axis stands still
 };
@@ -71,10 +86,9 @@ struct MarchedSteps {
 class RayCursor {
  public:
   RayCursor() = default;
-  // `local` may be nullptr, and so may `anchor` then. The pointers' targets must outlive this. Samples before number
-  // `first` are passed over.
-  RayCursor(const MarchedGrid& grid, const MarchedGrid* local, const MarchedSteps& steps, const float* origin,
-            const float* direction, const float* anchor, float jitter, int64_t first = 0);
+  // `local` may be without a grid. What is pointed to must outlive this. Samples before number `first` are passed over.
+  RayCursor(const MarchedGrid& grid, const LocalView& local, const MarchedSteps& steps, const float* origin,
+            const float* direction, float jitter, int64_t first = 0);
 
   // The number of the next occupied sample, with its distance and position; -1 where there is none.
   int64_t Next(float* t, float x[3]);

@@ -37,13 +37,21 @@ PackedSamples MarchRays(const MarchedRays& rays, double near, double far, int64_
                    jitters = Floats(rays.jitter, "jitter");
   const float *const origin = origins.data_ptr<float>(), *const direction = directions.data_ptr<float>(),
                      *const jitter = jitters.data_ptr<float>();
-  at::Tensor anchors;
+  at::Tensor anchors, turns;
   const MarchedGrid observed_grid(grid), local_grid = local != nullptr ? MarchedGrid(*local) : MarchedGrid();
   if (local != nullptr) {
     CheckShape(rays.anchor, {count, 3}, "anchor");
     anchors = Floats(rays.anchor, "anchor");
+    if (rays.turn.defined()) {
+      CheckShape(rays.turn, {count, 3, 3}, "turn");
+      turns = Floats(rays.turn, "turn");
+    }
   }
-  const float* const anchor = anchors.defined() ? anchors.data_ptr<float>() : nullptr;
+  const auto view_of = [&](int64_t ray) -> LocalView {
+    if (local == nullptr) return {};
+    return {&local_grid, anchors.data_ptr<float>() + 3 * ray,
+            turns.defined() ? turns.data_ptr<float>() + 9 * ray : nullptr};
+  };
   const MarchedSteps equal_steps(near, far, steps);
 
   const at::Tensor kept = torch::empty({count, steps}, torch::kInt32);  // the steps of each ray, from the left
@@ -53,8 +61,7 @@ PackedSamples MarchRays(const MarchedRays& rays, double near, double far, int64_
   int64_t* const offsets = samples.offsets.data_ptr<int64_t>();
   ParallelFor(count, kGrain, [&](int64_t begin, int64_t end) {
     for (int64_t ray = begin; ray < end; ++ray) {
-      RayCursor cursor(observed_grid, local != nullptr ? &local_grid : nullptr, equal_steps, origin + 3 * ray,
-                       direction + 3 * ray, anchor != nullptr ? anchor + 3 * ray : nullptr, jitter[ray]);
+      RayCursor cursor(observed_grid, view_of(ray), equal_steps, origin + 3 * ray, direction + 3 * ray, jitter[ray]);
       int32_t* own = kept_steps + ray * steps;
       float t, x[3];
       for (int64_t i = cursor.Next(&t, x); i >= 0; i = cursor.Next(&t, x)) *own++ = static_cast<int32_t>(i);

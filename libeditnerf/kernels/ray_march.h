@@ -29,10 +29,11 @@ struct MarchedRays {
   at::Tensor origin, direction;  // [R, 3], R >= 1
   at::Tensor jitter;             // [R] in [0, 1], where in their intervals a ray's samples lie
   at::Tensor anchor;             // [R, 3], read with a local grid alone
+  at::Tensor turn;               // [R, 3, 3], likewise; undefined: none
 };
 
 // The samples t_i = near + (i + jitter) (far - near) / steps, 0 <= i < steps, for which x = origin + t_i direction lies
-// in an occupied cell of `grid` and x - anchor in one of `local`, unless that is nullptr. NaN and what lies outside a
+// in an occupied cell of `grid` and turn (x - anchor) in one of `local`, unless that is nullptr. NaN and what lies outside a
 // box is not occupied. Where nothing at all is to be kept, the first sample of the first ray is. Without gradients;
 // throws ShapeError for other shapes, types or devices.
 PackedSamples MarchRays(const MarchedRays& rays, double near, double far, int64_t steps, const OccupancyBits& grid,

@@ -56,7 +56,9 @@ void LocalCoordinatesImpl(const float* x, const float* anchor, float side, float
   ForVectors(count, [&](int64_t s) {
     Vector farthest = hn::Zero(Tag());
     for (int axis = 0; axis < 3; ++axis) {
-      const Vector local = hn::Div(hn::Sub(Row(x, axis, s), Row(anchor, axis, s)), divisor);
+      Vector apart = Row(x, axis, s);
+      if (anchor != nullptr) apart = hn::Sub(apart, Row(anchor, axis, s));
+      const Vector local = hn::Div(apart, divisor);
       farthest = hn::Max(farthest, hn::Abs(local));
       SetRow(ToUnit(hn::Add(local, half)), unit, axis, s);
     }
@@ -212,6 +214,46 @@ void WeightedSumGradientImpl(const float* weights, const float* keys, const floa
   });
 }
 
+void SumInFramesImpl(const float* x, const float* weights, const float* keys, const float* frames, int64_t num,
+                     int64_t count, float* turned) {
+  ForVectors(count, [&](int64_t s) {
+    Vector sums[3] = {hn::Zero(Tag()), hn::Zero(Tag()), hn::Zero(Tag())};
+    for (int64_t i = 0; i < num; ++i) {
+      const Vector w = weights != nullptr ? Row(weights, i, s) : Broadcast(1.0F);
+      for (int64_t axis = 0; axis < 3; ++axis) {
+        const Vector apart = hn::Mul(w, hn::Sub(Row(x, axis, s), Row(keys, 3 * i + axis, s)));
+        for (int64_t own = 0; own < 3; ++own)
+          sums[own] = hn::MulAdd(Row(frames, 9 * i + 3 * own + axis, s), apart, sums[own]);
+      }
+    }
+    for (int own = 0; own < 3; ++own) SetRow(sums[own], turned, own, s);
+  });
+}
+
+void SumInFramesGradientImpl(const float* x, const float* weights, const float* keys, const float* frames, int64_t num,
+                             int64_t count, const float* grad, float* grad_weights, float* grad_keys,
+                             float* grad_frames) {
+  ForVectors(count, [&](int64_t s) {
+    const Vector g[3] = {Row(grad, 0, s), Row(grad, 1, s), Row(grad, 2, s)};
+    for (int64_t i = 0; i < num; ++i) {
+      const Vector w = weights != nullptr ? Row(weights, i, s) : Broadcast(1.0F);
+      Vector to_weight = hn::Zero(Tag());
+      for (int64_t axis = 0; axis < 3; ++axis) {
+        const Vector apart = hn::Sub(Row(x, axis, s), Row(keys, 3 * i + axis, s));
+        Vector back = hn::Zero(Tag());  // R transposed times grad
+        for (int64_t own = 0; own < 3; ++own) {
+          const int64_t entry = 9 * i + 3 * own + axis;
+          back = hn::MulAdd(Row(frames, entry, s), g[own], back);
+          SetRow(hn::Mul(w, hn::Mul(g[own], apart)), grad_frames, entry, s);
+        }
+        to_weight = hn::MulAdd(back, apart, to_weight);
+        SetRow(hn::NegMulAdd(w, back, Row(grad_keys, 3 * i + axis, s)), grad_keys, 3 * i + axis, s);
+      }
+      if (grad_weights != nullptr) SetRow(hn::Add(Row(grad_weights, i, s), to_weight), grad_weights, i, s);
+    }
+  });
+}
+
 void AddRowsImpl(const float* a, const float* b, float factor, int64_t num_rows, int64_t count, float* sum) {
   for (int64_t r = 0; r < num_rows; ++r) {
     ForVectors(count, [&](int64_t s) { SetRow(hn::MulAdd(Row(b, r, s), Broadcast(factor), Row(a, r, s)), sum, r, s); });
@@ -256,6 +298,8 @@ HWY_EXPORT(SoftmaxImpl);
 HWY_EXPORT(SoftmaxGradientImpl);
 HWY_EXPORT(WeightedSumImpl);
 HWY_EXPORT(WeightedSumGradientImpl);
+HWY_EXPORT(SumInFramesImpl);
+HWY_EXPORT(SumInFramesGradientImpl);
 HWY_EXPORT(AddRowsImpl);
 HWY_EXPORT(AddScaledRowsImpl);
 HWY_EXPORT(LightAlongRaysImpl);
@@ -313,6 +357,17 @@ void WeightedSumGradient(const float* weights, const float* keys, const float* s
                          float* grad_keys) {
   HWY_DYNAMIC_DISPATCH(WeightedSumGradientImpl)
   (weights, keys, scale, offset, num, count, grad_anchor, grad_ambient, grad_weights, grad_keys);
+}
+
+void SumInFrames(const float* x, const float* weights, const float* keys, const float* frames, int64_t num,
+                 int64_t count, float* turned) {
+  HWY_DYNAMIC_DISPATCH(SumInFramesImpl)(x, weights, keys, frames, num, count, turned);
+}
+
+void SumInFramesGradient(const float* x, const float* weights, const float* keys, const float* frames, int64_t num,
+                         int64_t count, const float* grad, float* grad_weights, float* grad_keys, float* grad_frames) {
+  HWY_DYNAMIC_DISPATCH(SumInFramesGradientImpl)
+  (x, weights, keys, frames, num, count, grad, grad_weights, grad_keys, grad_frames);
 }
 
 void AddRows(const float* a, const float* b, float factor, int64_t num_rows, int64_t count, float* sum) {

@@ -12,7 +12,7 @@ namespace editnerf {
 void UnitCoordinates(const float* x, const float low[3], float side, int64_t count, float* unit);
 
 // unit [3 rows] = clamp((x - anchor) / side + 1/2), and fade [1 row]: 1 inside the cube around the anchor, down to 0 at
-// its faces over `margin` of its half side.
+// its faces over `margin` of its half side. anchor nullptr: 0.
 void LocalCoordinates(const float* x, const float* anchor, float side, float margin, int64_t count, float* unit,
                       float* fade);
 
@@ -50,6 +50,15 @@ void WeightedSum(const float* weights, const float* keys, const float* scale, co
 void WeightedSumGradient(const float* weights, const float* keys, const float* scale, const float* offset, int64_t num,
                          int64_t count, const float* grad_anchor, const float* grad_ambient, float* grad_weights,
                          float* grad_keys);
+
+// turned [3 rows] = sum_i w_i R_i (x - k_i), for weights [num rows], keys [3 num rows] and frames [9 num rows], R by rows.
+// weights nullptr: 1.
+void SumInFrames(const float* x, const float* weights, const float* keys, const float* frames, int64_t num,
+                 int64_t count, float* turned);
+// Its gradient, given `grad` [3 rows]: added to grad_weights [num rows] (may be nullptr) and grad_keys [3 num rows],
+// written to grad_frames [9 num rows].
+void SumInFramesGradient(const float* x, const float* weights, const float* keys, const float* frames, int64_t num,
+                         int64_t count, const float* grad, float* grad_weights, float* grad_keys, float* grad_frames);
 
 // sum [num rows] = a + factor b.
 void AddRows(const float* a, const float* b, float factor, int64_t num_rows, int64_t count, float* sum);

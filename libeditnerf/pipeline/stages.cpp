@@ -65,21 +65,21 @@ LoadedRun Reopen(const Scene& scene, const StageRequest& request, FieldStage sta
   return loaded;
 }
 
-Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage, const torch::Tensor& tracks,
-               std::optional<KeyPointSupervision> supervision, const DepthTargets& depth, const DepthTargets& known) {
+Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage, DetectedKeyPoints detected,
+               const DepthTargets& depth) {
   LoadedRun loaded;
   const bool resumed = request.resume && HasCheckpoint(request.out);
   if (resumed) {
     loaded = Reopen(scene, request, stage);
     LogInfo("continuing {} at step {}", request.out.string(), loaded.run.counters.step);
   } else {
-    loaded.run = MakeRun(request.config, stage, scene, tracks, request.device);
+    loaded.run = MakeRun(request.config, stage, scene, detected.tracks, request.device, detected.turns);
   }
   loaded.run.scene_path = fs::absolute(request.scene_folder).lexically_normal().string();
   LogInfo("{}", ToText(PlanMemory(loaded.run, scene)));
-  Trainer trainer(loaded.run, scene, std::move(supervision), request.out);
+  Trainer trainer(loaded.run, scene, std::move(detected.supervision), request.out);
   trainer.SetDepthTargets(depth);
-  trainer.SetKnownPlaces(known);
+  trainer.SetKnownPlaces(Joined(detected.still_depth, detected.part_depth));
   if (resumed) trainer.Resume(loaded.extra);
   trainer.Train();
   return trainer.run();
@@ -174,7 +174,7 @@ void RunPretraining(const Scene& scene, const StageRequest& request) {
   if (request.config.pretrain.lambda_depth > 0) {
     depth = StillDepthOf(scene, *MakeOpticalFlow(request.config.flow), request.out);
   }
-  Run run = TrainStage(scene, request, FieldStage::kPretrain, torch::Tensor(), std::nullopt, depth, DepthTargets());
+  Run run = TrainStage(scene, request, FieldStage::kPretrain, {}, depth);
   const PretrainedMaps maps = RenderSurfaceMaps(run, scene);
   WritePretrainedMaps(maps, scene, request.out);
   if (scene.truth) WriteDepthErrors(MeasureDepthErrors(maps.depth, scene), request.out / "depth_error.json");
@@ -210,6 +210,7 @@ DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const fs::path& fold
   };
   detected.still_depth = known(StillDepthPath(folder));
   detected.part_depth = known(PartDepthPath(folder));
+  detected.turns = ReadPartTurns(folder, detected.tracks.size(0), detected.tracks.size(1));
   for (const torch::Tensor& map : {supervision.depth, supervision.flow}) {
     if (map.size(1) != scene.height() || map.size(2) != scene.width()) {
       Throw<DataError>("{}: depth and flow have {} x {} pixels, the images {} x {}; detect again at this image size",
@@ -226,9 +227,9 @@ void RunTraining(const Scene& scene, const StageRequest& request, const fs::path
   if (detected.tracks.size(1) == 0) {
     LogWarning("{}: no key points (data/k_points_auto.txt); training a static scene", detection_folder.string());
   }
-  const DepthTargets known = Joined(detected.still_depth, detected.part_depth);
-  TrainStage(scene, request, FieldStage::kTrain, detected.tracks, std::move(detected.supervision),
-             request.config.train.lambda_depth > 0 ? known : DepthTargets(), known);
+  DepthTargets depth;
+  if (request.config.train.lambda_depth > 0) depth = Joined(detected.still_depth, detected.part_depth);
+  TrainStage(scene, request, FieldStage::kTrain, std::move(detected), depth);
 }
 
 }  // namespace editnerf

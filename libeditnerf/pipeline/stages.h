@@ -44,9 +44,10 @@ void RunTraining(const Scene& scene, const StageRequest& request, const std::fil
 // `max_pixels` are rendered in all: larger sequences at a fraction of their size, enlarged to the nearest pixel.
 PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels = 600'000);
 
-// What detection wrote: tracks [T, N, 3] in scene units (N = 0 where there are none) and the key points' supervision.
+// What detection wrote: tracks [T, N, 3] in scene units (N = 0 where there are none), rotation vectors [T, N, 3] of the
+// parts that turn (undefined where none does) and the key points' supervision.
 struct DetectedKeyPoints {
-  torch::Tensor tracks;
+  torch::Tensor tracks, turns;
   std::optional<KeyPointSupervision> supervision;
   DepthTargets still_depth, part_depth;  // known distances of what stands still, and of rigid parts that move
 };

@@ -75,9 +75,9 @@ bool FusedMarching::Takes(const std::optional<FusedField>& field, const RayBatch
   return field && AreFloats({rays.origin, rays.direction, states.key_points, states.warp_code, states.appearance_code});
 }
 
-RayResult FusedMarching::Render(const FusedField& field, const RayBatch& rays, const FrameStates& states,
+RayResult FusedMarching::Render(const FusedField& field, const RayBatch& rays, const FusedStates& states,
                                 const RayOptions& options, const Marching& marching) {
-  const FieldKernel kernel(field, FusedStatesOf(states));
+  const FieldKernel kernel(field, states);
   RaysInMemory memory(rays, marching, kernel);
   const int64_t count = memory.rays.count;
   memory.SetStart(options.start);
@@ -119,11 +119,11 @@ RayResult FusedMarching::Render(const FusedField& field, const RayBatch& rays, c
   return result;
 }
 
-RayGradients FusedMarching::AddGradients(const FusedField& field, const RayBatch& rays, const FrameStates& states,
+RayGradients FusedMarching::AddGradients(const FusedField& field, const RayBatch& rays, const FusedStates& states,
                                          const RayOptions& options, const RayObjective& objective,
-                                         const Marching& marching) {
+                                         const Marching& marching, torch::Tensor* local_frames) {
   const torch::NoGradGuard no_grad;
-  const FieldKernel kernel(field, FusedStatesOf(states));
+  const FieldKernel kernel(field, states);
   RaysInMemory memory(rays, marching, kernel);
   memory.SetStart(options.start);
   const int64_t count = memory.rays.count;
@@ -160,6 +160,7 @@ RayGradients FusedMarching::AddGradients(const FusedField& field, const RayBatch
   result.states.key_points = gradients.key_points;
   result.states.warp_code = gradients.warp_code;
   result.states.appearance_code = gradients.appearance;
+  *local_frames = gradients.local_frames;
   return result;
 }
 

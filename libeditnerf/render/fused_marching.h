@@ -29,12 +29,13 @@ class FusedMarching {
   static bool Takes(const std::optional<FusedField>& field, const RayBatch& rays, const FrameStates& states);
 
   // RayRenderer::Render without gradients.
-  RayResult Render(const FusedField& field, const RayBatch& rays, const FrameStates& states, const RayOptions& options,
+  RayResult Render(const FusedField& field, const RayBatch& rays, const FusedStates& states, const RayOptions& options,
                    const Marching& marching);
 
-  // RayRenderer::AddGradients.
-  RayGradients AddGradients(const FusedField& field, const RayBatch& rays, const FrameStates& states,
-                            const RayOptions& options, const RayObjective& objective, const Marching& marching);
+  // RayRenderer::AddGradients, but for what follows from local frames: their own gradient is left in `local_frames`.
+  RayGradients AddGradients(const FusedField& field, const RayBatch& rays, const FusedStates& states,
+                            const RayOptions& options, const RayObjective& objective, const Marching& marching,
+                            torch::Tensor* local_frames);
 
  private:
   FusedRays kernel_;

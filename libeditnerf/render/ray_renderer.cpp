@@ -92,7 +92,7 @@ torch::Tensor DensityAt(RadianceField& field, const torch::Tensor& x, const torc
                         const FrameStates& states) {
   const auto fused = field.Fused();
   if (FusedMarching::Takes(fused, {}, states)) {
-    return FusedDensity(FieldKernel(*fused, FusedStatesOf(states)), x, state);
+    return FusedDensity(FieldKernel(*fused, FusedStatesOf(field, states)), x, state);
   }
   const auto table = AnyTable(states);
   FieldInput input;
@@ -194,15 +194,18 @@ RayResult RayRenderer::RenderHierarchical(RadianceField& field, const RayBatch& 
 }
 
 // What may be seen of the rays: samples where the grids are occupied.
-PackedSamples RayRenderer::March(const RayBatch& rays, const FrameStates& states, const Marching& marching) const {
+PackedSamples RayRenderer::March(RadianceField& field, const RayBatch& rays, const FrameStates& states,
+                                 const Marching& marching) const {
   const torch::Tensor& jitter = marching.jitter;
-  torch::Tensor anchor;
+  torch::Tensor anchor, turn;
   if (local_grid_) {
     CheckShape(states.key_points, {kAny, 1, 3}, "key_points");
     anchor = states.key_points.select(1, 0).index_select(0, rays.state);
+    turn = field.LocalFramesOf(states.key_points);
+    if (turn.defined()) turn = turn.select(1, 0).index_select(0, rays.state);
   }
-  if (AreFloats({rays.origin, rays.direction, jitter, anchor})) {
-    return MarchRays({rays.origin, rays.direction, jitter, anchor}, near_, far_, marching.steps, marching.grid,
+  if (AreFloats({rays.origin, rays.direction, jitter, anchor, turn})) {
+    return MarchRays({rays.origin, rays.direction, jitter, anchor, turn}, near_, far_, marching.steps, marching.grid,
                      marching.local_grid ? &*marching.local_grid : nullptr);
   }
   const int64_t count = rays.origin.size(0);
@@ -210,7 +213,11 @@ PackedSamples RayRenderer::March(const RayBatch& rays, const FrameStates& states
   const auto t = MarchCandidates(near, far, marching.steps, jitter);
   const auto x = rays.origin.unsqueeze(1) + t.unsqueeze(2) * rays.direction.unsqueeze(1);
   auto occupied = grid_->Occupied(x);
-  if (local_grid_) occupied = torch::logical_and(occupied, local_grid_->Occupied(x - anchor.unsqueeze(1)));
+  if (local_grid_) {
+    auto local = x - anchor.unsqueeze(1);
+    if (turn.defined()) local = torch::matmul(local, turn.transpose(1, 2));
+    occupied = torch::logical_and(occupied, local_grid_->Occupied(local));
+  }
   return PackSamples(t, torch::full_like(t, (far_ - near_) / static_cast<double>(marching.steps)), occupied);
 }
 
@@ -238,7 +245,22 @@ std::optional<RayGradients> RayRenderer::AddGradients(RadianceField& field, cons
                                                       const RayObjective& objective) {
   const auto fused = field.Fused();
   if (!grid_ || !FusedMarching::Takes(fused, rays, states)) return std::nullopt;
-  return fused_->AddGradients(*fused, rays, states, options, objective, MarchingFor(rays, options));
+  // Local frames follow from the key points: what they get goes on to both the field and the key points.
+  FusedStates read = FusedStatesOf(field, states);
+  torch::Tensor key_points, frames, to_frames;
+  if (read.local_frames.defined()) {
+    const torch::AutoGradMode with_gradients(true);
+    key_points = states.key_points.detach().requires_grad_(true);
+    frames = field.LocalFramesOf(key_points);
+    read.local_frames = frames.detach();
+  }
+  RayGradients found =
+      fused_->AddGradients(*fused, rays, read, options, objective, MarchingFor(rays, options), &to_frames);
+  if (frames.defined()) {
+    frames.backward(to_frames);
+    if (key_points.grad().defined()) found.states.key_points = found.states.key_points + key_points.grad();
+  }
+  return found;
 }
 
 RayResult RayRenderer::RenderMarching(RadianceField& field, const RayBatch& rays, const FrameStates& states,
@@ -246,12 +268,14 @@ RayResult RayRenderer::RenderMarching(RadianceField& field, const RayBatch& rays
   const Marching marching = MarchingFor(rays, options);
   if (!torch::GradMode::is_enabled() && !options.distortion) {
     const auto fused = field.Fused();
-    if (FusedMarching::Takes(fused, rays, states)) return fused_->Render(*fused, rays, states, options, marching);
+    if (FusedMarching::Takes(fused, rays, states)) {
+      return fused_->Render(*fused, rays, FusedStatesOf(field, states), options, marching);
+    }
   }
   PackedSamples samples;
   {
     torch::NoGradGuard no_grad;
-    samples = March(rays, states, marching);
+    samples = March(field, rays, states, marching);
     if (options.start.defined()) {
       const double earlier = kSamplesBeforeStart * (far_ - near_) / static_cast<double>(marching.steps);
       samples = SamplesFrom(samples, options.start - earlier);
@@ -286,7 +310,12 @@ RayResult RayRenderer::RenderMarching(RadianceField& field, const RayBatch& rays
 torch::Tensor RayRenderer::LocalDensityAt(RadianceField& field, const torch::Tensor& x_local,
                                           const torch::Tensor& state, const FrameStates& states) const {
   CheckShape(states.key_points, {kAny, 1, 3}, "key_points");
-  const auto x = x_local + states.key_points.select(1, 0).index_select(0, state);
+  torch::Tensor in_scene = x_local;
+  if (const torch::Tensor turn = field.LocalFramesOf(states.key_points); turn.defined()) {
+    const auto back = turn.select(1, 0).transpose(1, 2).index_select(0, state).to(x_local.dtype());
+    in_scene = torch::matmul(back, x_local.unsqueeze(2)).squeeze(2);
+  }
+  const auto x = in_scene + states.key_points.select(1, 0).index_select(0, state);
   const auto density = DensityAt(field, x, state, states);
   return torch::where(grid_->Inside(x), density, torch::zeros_like(density));
 }

@@ -26,7 +26,7 @@ namespace editnerf {
 class RayRenderer : public torch::nn::Module {
  public:
   // near and far in scene units. `box` is what marching looks at: nothing outside it is seen (BoxAroundRays of all
-  // training cameras is a safe choice). `local_box` adds a second grid over x - p, for fields without warp and with one
+  // training cameras is a safe choice). `local_box` adds a second grid over the part's own coordinates, for fields without warp and with one
   // key point: a sample is then evaluated only where both grids are occupied. The hierarchical sampler builds no grid.
   // Throws ConfigError for an unknown sampler or near >= far.
   RayRenderer(const RenderConfig& config, double near, double far, const Box& box,
@@ -62,7 +62,8 @@ class RayRenderer : public torch::nn::Module {
   RayResult RenderMarching(RadianceField& field, const RayBatch& rays, const FrameStates& states,
                            const RayOptions& options);
   Marching MarchingFor(const RayBatch& rays, const RayOptions& options) const;
-  PackedSamples March(const RayBatch& rays, const FrameStates& states, const Marching& marching) const;
+  PackedSamples March(RadianceField& field, const RayBatch& rays, const FrameStates& states,
+                      const Marching& marching) const;
   torch::Tensor LocalDensityAt(RadianceField& field, const torch::Tensor& x_local, const torch::Tensor& state,
                                const FrameStates& states) const;
 

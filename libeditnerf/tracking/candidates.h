@@ -30,6 +30,7 @@ struct Candidate {
   double camera_strength = 0;      // upper quartile of what the camera explains, pixels a frame
   std::vector<Pixel> own_motion;   // T - 1, in the image beyond what the camera explains; NaN where not visible
   int64_t part = -1;               // which rigid part carries it (part_candidates.h); -1: none
+  std::vector<Vec3> turns;         // T rotation vectors of that part; empty where it does not turn
   std::string objection;           // why it is no key point of its own; empty for those that are
 };
 

@@ -1,6 +1,9 @@
 #include <nlohmann/json.hpp>
 
+#include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
+#include "libeditnerf/base/safetensors.h"
+#include "libeditnerf/base/shape.h"
 #include "libeditnerf/imaging/image_file.h"
 #include "libeditnerf/imaging/key_point_files.h"
 #include "libeditnerf/tracking/detection_pictures.h"
@@ -14,6 +17,12 @@ namespace fs = std::filesystem;
 // Nothing known leaves no file, also none of an earlier detection.
 void WriteOrRemove(const fs::path& path, const DepthTargets& targets) {
   if (targets.size() > 0) return WriteDepthTargets(path, targets);
+  std::error_code ignored;
+  fs::remove(path, ignored);
+}
+
+void WriteOrRemove(const fs::path& path, const torch::Tensor& turns) {
+  if (turns.defined()) return WriteSafetensors(path, {{"turns", turns}});
   std::error_code ignored;
   fs::remove(path, ignored);
 }
@@ -78,6 +87,7 @@ void WriteDetection(const Scene& scene, const DetectionRun& run, const std::file
   }
   WriteOrRemove(StillDepthPath(folder), run.still_depth);
   WriteOrRemove(PartDepthPath(folder), run.detection.part_depth);
+  WriteOrRemove(PartTurnsPath(folder), run.detection.turns);
   WriteFileAtomically(folder / "data" / "detection.json", Describe(scene, run).dump(2) + "\n");
   WritePng(folder / "data" / "variance.png", VariancePicture(run.detection));
   WritePng(folder / "data" / "motion.png", MotionPicture(scene, run.detection));
@@ -87,5 +97,21 @@ void WriteDetection(const Scene& scene, const DetectionRun& run, const std::file
 fs::path StillDepthPath(const fs::path& folder) { return folder / "data" / "still_depth.safetensors"; }
 
 fs::path PartDepthPath(const fs::path& folder) { return folder / "data" / "part_depth.safetensors"; }
+
+fs::path PartTurnsPath(const fs::path& folder) { return folder / "data" / "part_turns.safetensors"; }
+
+torch::Tensor ReadPartTurns(const fs::path& folder, int64_t frames, int64_t key_points) {
+  const fs::path path = PartTurnsPath(folder);
+  if (!fs::exists(path)) return {};
+  SafetensorsFile file = ReadSafetensors(path);
+  if (file.tensors.count("turns") == 0) Throw<DataError>("{}: found no tensor \"turns\"", path.string());
+  const torch::Tensor turns = file.tensors["turns"];
+  if (turns.scalar_type() != torch::kFloat32 || turns.sizes() != torch::IntArrayRef({frames, key_points, 3})) {
+    Throw<DataError>("{}: expected turns float32 [{}, {}, 3], found {}; detect again", path.string(), frames, key_points,
+                     ShapeString(turns));
+  }
+  if (!turns.isfinite().all().item<bool>()) Throw<DataError>("{}: a turn is not finite", path.string());
+  return turns;
+}
 
 }  // namespace editnerf

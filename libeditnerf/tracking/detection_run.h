@@ -40,12 +40,17 @@ LocalCoordinates ToLocalCoordinates(const torch::Tensor& tracks);  // [T, N, 3],
 
 // Into `folder` (a scene folder): data/k_points_auto.txt and k_points_auto_coor_I.txt (where there are key points),
 // data/detection.json, data/variance.png, data/motion.png, data/tracks.png, depth/depth_median_ID.npy,
-// flow/flow_ID.npy, data/still_depth.safetensors, data/part_depth.safetensors. Throws DataError naming the file that
+// flow/flow_ID.npy, data/still_depth.safetensors, data/part_depth.safetensors, data/part_turns.safetensors. Throws DataError naming the file that
 // cannot be written.
 void WriteDetection(const Scene& scene, const DetectionRun& run, const std::filesystem::path& folder);
 
-// Where WriteDetection leaves the known distances; absent where there are none.
+// Where WriteDetection leaves known distances and turns; absent where there are none.
 std::filesystem::path StillDepthPath(const std::filesystem::path& folder);
 std::filesystem::path PartDepthPath(const std::filesystem::path& folder);
+std::filesystem::path PartTurnsPath(const std::filesystem::path& folder);
+
+// The rotation vectors [T, N, 3] of N key points' parts in T training frames; undefined where there is no such file.
+// Throws CheckpointError or DataError naming it where it is broken or does not fit.
+torch::Tensor ReadPartTurns(const std::filesystem::path& folder, int64_t frames, int64_t key_points);
 
 }  // namespace editnerf

@@ -52,8 +52,12 @@ void Store(const std::vector<const Candidate*>& kept, const Clip& clip, Detectio
     detection->score[n] = candidate.maximum.value;
     detection->reference_frame.push_back(candidate.start.frame);
     detection->pixel_tracks.push_back(candidate.pixels);
+    if (!candidate.turns.empty() && !detection->turns.defined())
+      detection->turns = torch::zeros({frames, count, 3}, torch::kFloat32);
     for (int64_t t = 0; t < frames; ++t) {
       put(detection->tracks.data_ptr<float>() + 3 * (t * count + n), candidate.track.position[At(t)]);
+      if (!candidate.turns.empty())
+        put(detection->turns.data_ptr<float>() + 3 * (t * count + n), candidate.turns[At(t)]);
       detection->visible.data_ptr<bool>()[t * count + n] = candidate.track.visible[At(t)];
     }
   }

@@ -27,6 +27,7 @@ struct Detection {
   std::vector<int64_t> reference_frame;   // N, row of scene.train
   torch::Tensor tracks;                   // [T, N, 3] float32, scene units; frames without evidence interpolated
   torch::Tensor visible;                  // [T, N] bool: checked flow leads here and the depth map agrees
+  torch::Tensor turns;                    // [T, N, 3] float32, rotation vectors of the parts; undefined: none turns
   torch::Tensor score;                    // [N] float32, the part's weight, or the smoothed variance at the maximum
   std::vector<PixelTrack> pixel_tracks;   // N, what the tracks were lifted from
   std::vector<bool> rigid;                // N, whether a rigid part carries the track: nothing is left to refine

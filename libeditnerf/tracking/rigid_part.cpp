@@ -25,6 +25,12 @@ Vec3 RigidPart::TakeBack(int64_t t, const Vec3& point) const {
   return {turned[0] + center.x, turned[1] + center.y, turned[2] + center.z};
 }
 
+std::vector<Vec3> TurnsOf(const RigidPart& part) {
+  std::vector<Vec3> turns;
+  for (const RigidPose& pose : part.pose) turns.push_back(ToVec3(pose.rotation));
+  return turns;
+}
+
 std::vector<int64_t> SeenFrames(const RigidPart& part) {
   std::vector<int64_t> frames;
   for (size_t t = 0; t < part.seen.size(); ++t)

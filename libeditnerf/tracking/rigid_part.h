@@ -40,6 +40,9 @@ struct RigidPart {
 inline Vec3 ToVec3(const std::array<double, 3>& p) { return {p[0], p[1], p[2]}; }
 inline std::array<double, 3> ToArray(const Vec3& p) { return {p.x, p.y, p.z}; }
 
+// Rotation vectors [T, 3] of the part's axes, from those in the reference frame.
+std::vector<Vec3> TurnsOf(const RigidPart& part);
+
 std::vector<int64_t> SeenFrames(const RigidPart& part);  // in time order
 
 // How far a point goes in the frames that see the part: TrackMotion::range (track_relation.h), scene units.

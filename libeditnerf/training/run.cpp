@@ -17,8 +17,8 @@ namespace fs = std::filesystem;
 using Tensors = std::map<std::string, torch::Tensor>;
 
 constexpr const char* kFormat = "editnerf checkpoint";
-constexpr int kVersion = 1;
-// The local occupancy grid covers the whole reach of x - p, not the share that the local hash encoding refines.
+constexpr int kVersion = 2;
+// The local occupancy grid covers the whole reach of a part's own coordinates, not the share that the local hash encoding refines.
 constexpr double kLocalReach = 1.0;
 
 // Everything between near and far of the training views, from the corners and edges of their images.
@@ -43,14 +43,22 @@ Box BoxFromJson(const std::string& text) {
   return {{v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
 }
 
-void Build(Run* run, const Box& box, int64_t num_key_points, const torch::Tensor& initial_tracks) {
+struct KeyPointSetup {
+  int64_t count = 0;
+  torch::Tensor tracks, turns;
+  bool local_frames = false;
+};
+
+void Build(Run* run, const Box& box, const KeyPointSetup& key_points) {
   HyperspaceFieldOptions options;
   options.config = run->config.field;
   options.stage = run->stage;
   options.num_frames = static_cast<int64_t>(run->scene.train.size());
   options.box = box;
-  options.num_key_points = num_key_points;
-  options.initial_tracks = initial_tracks;
+  options.num_key_points = key_points.count;
+  options.initial_tracks = key_points.tracks;
+  options.initial_turns = key_points.turns;
+  options.local_frames = key_points.local_frames;
   run->field = std::make_shared<HyperspaceField>(options);
   std::optional<Box> local_box;
   if (run->field->has_rigid_anchor()) {
@@ -104,7 +112,7 @@ RunCounters CountersFromJson(const std::string& text) {
 }  // namespace
 
 Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const torch::Tensor& initial_tracks,
-            torch::Device device) {
+            torch::Device device, const torch::Tensor& initial_turns) {
   Run run;
   run.config = config;
   run.stage = stage;
@@ -112,7 +120,11 @@ Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const to
   run.scene.images = torch::Tensor();
   run.scene.truth.reset();
   run.device = device;
-  Build(&run, BoxOf(scene), initial_tracks.defined() ? initial_tracks.size(1) : 0, initial_tracks);
+  KeyPointSetup key_points;
+  if (initial_tracks.defined()) key_points = {initial_tracks.size(1), initial_tracks, {}, false};
+  const bool frames = config.field.kind == "fast" && config.field.fast.local_frames && key_points.count > 0;
+  if (frames) key_points.turns = initial_turns;
+  Build(&run, BoxOf(scene), key_points);
   return run;
 }
 
@@ -131,6 +143,7 @@ void SaveRun(const Run& run, const fs::path& folder, const Tensors& extra) {
                     {"scene_path", run.scene_path},
                     {"box", BoxToJson(run.field->options().box)},
                     {"key_points", std::to_string(run.field->num_key_points())},
+                    {"local_frames", run.field->has_local_frames() ? "yes" : "no"},
                     {"counters", CountersToJson(run.counters)}});
   WriteFileAtomically(folder / "config.yaml", ToYaml(run.config));
 }
@@ -169,7 +182,7 @@ LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device) {
     if (key_points < 0 || key_points > 64) {
       Throw<CheckpointError>("{}: expected 0 to 64 key points, found {}", path.string(), key_points);
     }
-    Build(&run, BoxFromJson(text("box")), key_points, torch::Tensor());
+    Build(&run, BoxFromJson(text("box")), {key_points, {}, {}, text("local_frames") == "yes"});
   } catch (const nlohmann::json::exception& error) {
     Throw<CheckpointError>("{}: damaged metadata: {}", path.string(), error.what());
   } catch (const std::logic_error& error) {

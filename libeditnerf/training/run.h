@@ -41,9 +41,10 @@ struct Run {
   torch::Device device = torch::kCPU;
 };
 
-// An untrained run over `scene`. `initial_tracks` [T, N, 3], scene units: for FieldStage::kTrain.
+// An untrained run over `scene`. For FieldStage::kTrain: `initial_tracks` [T, N, 3], scene units, and `initial_turns`
+// [T, N, 3], rotation vectors of the parts (undefined where none turns), which field.fast.local_frames makes use of.
 Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const torch::Tensor& initial_tracks,
-            torch::Device device);
+            torch::Device device, const torch::Tensor& initial_turns = torch::Tensor());
 
 // Writes RUN/checkpoint.safetensors atomically; `extra` tensors (optimiser, generator) travel under their names.
 void SaveRun(const Run& run, const std::filesystem::path& folder,

@@ -54,7 +54,8 @@ bool Contains(const std::string& text, const char* part) { return text.find(part
 // The networks that bend, slice and divide space. At the rate of the hash encodings' small networks their neurons can
 // die: the ambient coordinates of a scene that moves then become one constant.
 bool IsShape(const std::string& name) {
-  return name.rfind("warp.", 0) == 0 || name.rfind("slicing.", 0) == 0 || name.rfind("weights.", 0) == 0;
+  return name.rfind("warp.", 0) == 0 || name.rfind("slicing.", 0) == 0 || name.rfind("weights.", 0) == 0 ||
+         name.rfind("local_frames.", 0) == 0;
 }
 
 std::vector<AdamGroup> Groups(const HyperspaceField& field, const StageConfig& stage) {

@@ -28,6 +28,7 @@ struct Setting {
   int64_t steps = 24;
   double density_bias = 0.5;
   bool start = false;  // rays that begin on their way
+  bool turning = false;  // parts that turn as their key points move
 };
 
 inline HyperspaceFieldOptions OptionsFor(const Setting& setting) {
@@ -54,6 +55,7 @@ inline HyperspaceFieldOptions OptionsFor(const Setting& setting) {
   if (setting.stage == FieldStage::kTrain && setting.key_points > 0) {
     options.num_key_points = setting.key_points;
     options.initial_tracks = torch::rand({kFrames, setting.key_points, 3}) - 0.5;
+    if (setting.turning) options.initial_turns = 2 * torch::rand({kFrames, setting.key_points, 3}) - 1;
   }
   return options;
 }

@@ -23,7 +23,7 @@ namespace {
 void CheckAgainstModules(const Setting& setting, double tolerance = 1e-5) {
   INFO("stage " << static_cast<int>(setting.stage) << ", " << setting.key_points << " key points, appearance "
                 << setting.appearance << ", direction " << setting.direction << ", " << setting.rays << " rays, "
-                << setting.steps << " steps, early stop " << setting.early_stop);
+                << setting.steps << " steps, early stop " << setting.early_stop << ", turning " << setting.turning);
   const auto field = MakeField(setting);
   std::optional<Box> local_box;
   if (field->has_rigid_anchor()) local_box = Box{{-2, -2, -2}, {2, 2, 2}};
@@ -68,6 +68,17 @@ TEST_CASE("fused gradients are those of the modules for one to eight key points,
   for (const int64_t key_points : {0, 1, 2, 3, 5, 8}) {
     Setting setting;
     setting.key_points = key_points;
+    CheckAgainstModules(setting);
+  }
+}
+
+TEST_CASE("fused gradients are those of the modules where parts turn") {
+  torch::manual_seed(11);
+  for (const int64_t key_points : {1, 2, 3, 8}) {
+    Setting setting;
+    setting.key_points = key_points;
+    setting.turning = true;
+    setting.appearance = key_points == 2;
     CheckAgainstModules(setting);
   }
 }
@@ -130,7 +141,11 @@ TEST_CASE("fused gradients are those of the modules for every instruction set of
     setting.key_points = 3;
     setting.appearance = true;
     CheckAgainstModules(setting);
+    setting.turning = true;
+    CheckAgainstModules(setting);
     setting.key_points = 1;
+    CheckAgainstModules(setting);
+    setting.turning = false;
     CheckAgainstModules(setting);
     setting.stage = FieldStage::kPretrain;
     CheckAgainstModules(setting);
@@ -169,6 +184,7 @@ TEST_CASE("fused pictures are those of the modules") {
     setting.rays = 300;
     setting.steps = 40;
     setting.density_bias = 2;
+    setting.turning = key_points == 3;
     const auto field = MakeField(setting);
     RayRenderer renderer(ConfigFor(setting), kNear, kFar, kBox);
     const RayBatch rays = RandomRays(setting.rays);
@@ -217,7 +233,7 @@ TEST_CASE("fused densities are those of the modules, inside, on and outside the 
       const FrameStates states = AllStates(*field);
       const auto expected = field->EvaluateDensity(input, states, Level::kFine).density;
       const auto found =
-          FusedDensity(FieldKernel(*field->Fused(), FusedStatesOf(states)), input.x_observed, input.state);
+          FusedDensity(FieldKernel(*field->Fused(), FusedStatesOf(*field, states)), input.x_observed, input.state);
       CHECK(RelativeDifference(found, expected) < 1e-5);
     }
   }

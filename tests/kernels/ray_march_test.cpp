@@ -58,7 +58,8 @@ bool AgreesWithLookUps(const MarchedRays& rays, int64_t steps, const RandomGrid&
   const auto x = rays.origin.unsqueeze(1) + t.unsqueeze(2) * rays.direction.unsqueeze(1);
   auto keep = whole.grid.Occupied(x), at_wall = whole.AtWall(x);
   if (local != nullptr) {
-    const auto x_local = x - rays.anchor.unsqueeze(1);
+    auto x_local = x - rays.anchor.unsqueeze(1);
+    if (rays.turn.defined()) x_local = torch::matmul(x_local, rays.turn.transpose(1, 2));
     keep = keep.logical_and(local->grid.Occupied(x_local));
     at_wall = at_wall.logical_or(local->AtWall(x_local));
   }
@@ -78,6 +79,8 @@ bool AgreesWithLookUps(const MarchedRays& rays, int64_t steps, const RandomGrid&
 TEST_CASE("marching keeps the samples that looking up every candidate keeps") {
   torch::manual_seed(1);
   const auto rays = RandomRays(400);
+  auto turned = rays;
+  turned.turn = std::get<0>(torch::linalg_qr(torch::randn({400, 3, 3})));
   for (const int64_t resolution : {1, 7, 64}) {
     for (const double share : {0.0, 0.02, 0.5, 1.0}) {
       const RandomGrid whole(kBox, resolution, share), local(kLocalBox, resolution, share);
@@ -85,6 +88,7 @@ TEST_CASE("marching keeps the samples that looking up every candidate keeps") {
         INFO(resolution << " cells, " << share << " occupied, " << steps << " steps");
         CHECK(AgreesWithLookUps(rays, steps, whole, nullptr));
         CHECK(AgreesWithLookUps(rays, steps, whole, &local));
+        CHECK(AgreesWithLookUps(turned, steps, whole, &local));
       }
     }
   }
@@ -133,4 +137,7 @@ TEST_CASE("marching refuses other types and shapes by name") {
   CHECK_NOTHROW(MarchRays(rays, kNear, kFar, 10, grid.bits));
   CHECK_THROWS_AS(MarchRays(rays, kNear, kFar, 10, grid.bits, &grid.bits), ShapeError);
   CHECK_THROWS_AS(MarchRays(rays, kNear, kFar, 0, grid.bits), ShapeError);
+  rays = RandomRays(5);
+  rays.turn = torch::zeros({5, 3});
+  CHECK_THROWS_AS(MarchRays(rays, kNear, kFar, 10, grid.bits, &grid.bits), ShapeError);
 }

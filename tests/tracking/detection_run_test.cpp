@@ -51,6 +51,25 @@ TEST_CASE("a detection run refines its tracks and draws its pictures") {
   std::filesystem::remove_all(folder);
 }
 
+TEST_CASE("turns of parts come back from their file, go where none turns, and are refused where they do not fit") {
+  const MovingSpheres clip = RenderMovingSpheres({Resting({0, 0, 0.2})}, {6, 64, 48});
+  DetectionRun run = RunDetection(clip.scene, clip.maps, SmallConfig());
+  const std::filesystem::path folder = std::filesystem::temp_directory_path() / "editnerf_part_turns_test";
+  std::filesystem::remove_all(folder);
+  CHECK(!ReadPartTurns(folder, 6, 2).defined());
+  run.detection.turns = torch::rand({6, 2, 3});
+  WriteDetection(clip.scene, run, folder);
+  CHECK(torch::equal(ReadPartTurns(folder, 6, 2), run.detection.turns));
+  CHECK_THROWS_WITH(ReadPartTurns(folder, 6, 1), HasText("part_turns.safetensors"));
+  run.detection.turns[3][1][2] = NAN;
+  WriteDetection(clip.scene, run, folder);
+  CHECK_THROWS_WITH(ReadPartTurns(folder, 6, 2), HasText("not finite"));
+  run.detection.turns = torch::Tensor();
+  WriteDetection(clip.scene, run, folder);
+  CHECK(!ReadPartTurns(folder, 6, 2).defined());
+  std::filesystem::remove_all(folder);
+}
+
 TEST_CASE("pictures of a detection without key points are drawn too") {
   const MovingSpheres clip = RenderMovingSpheres({Resting({0, 0, 0.2})}, {6, 64, 48});
   const DetectionRun run = RunDetection(clip.scene, clip.maps, SmallConfig());

@@ -145,6 +145,30 @@ TEST_CASE("what stands still is learnt under key points that no frame has") {
   CHECK(error_elsewhere(0.5) < 0.8 * error_elsewhere(0));
 }
 
+TEST_CASE("a run whose part turns comes back with its local frames") {
+  const Scene& scene = TinyScene();
+  torch::manual_seed(1);
+  const torch::Tensor turns = torch::rand({8, 1, 3});
+  Config config = SmallFast();
+  const Run run = MakeRun(config, FieldStage::kTrain, scene, TrueTracks(scene), torch::kCPU, turns);
+  REQUIRE(run.field->has_local_frames());
+  const torch::Tensor before = run.field->LocalFramesOf(TrueTracks(scene)).detach();
+  const fs::path folder = Scratch("turning");
+  Trainer trainer(run, scene, std::nullopt, folder);
+  const double first = MeanOfLosses(trainer, 10);
+  for (int i = 0; i < 60; ++i) trainer.Step();
+  CHECK(MeanOfLosses(trainer, 10) < 0.6 * first);
+  const torch::Tensor after = run.field->LocalFramesOf(TrueTracks(scene)).detach();
+  CHECK(!torch::equal(before, after));  // they are learnt
+  SaveRun(run, folder);
+  const Run back = LoadRun(folder);
+  REQUIRE(back.field->has_local_frames());
+  CHECK(torch::equal(back.field->LocalFramesOf(TrueTracks(scene)), after));
+  config.field.fast.local_frames = false;
+  CHECK(!MakeRun(config, FieldStage::kTrain, scene, TrueTracks(scene), torch::kCPU, turns).field->has_local_frames());
+  fs::remove_all(folder);
+}
+
 TEST_CASE("an interrupted run continues as if nothing had happened") {
   const auto config = SmallFast();
   const auto make = [&] {
