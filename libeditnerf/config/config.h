@@ -69,7 +69,7 @@ struct StageConfig {
   double lambda_distortion = 0;     // of the distortion loss of mip-NeRF 360, in normalised ray distance
   double lambda_depth = 0;          // of the share of the depth by which a known distance is missed
   double still_share = 0;           // of the rays: through what stands still, under key points drawn anew
-  double carried_share = 0;         // of the rays: through what a key point carries, with the others drawn anew
+  double carried_share = 0;         // of the rays: through what a key point carries, carried along to other states
   bool random_background = false;   // composite on random colours after 200 steps
   int64_t log_every = 50;           // steps
   int64_t evaluate_every = 2000;    // steps between held-out measurements; 0: none
@@ -101,8 +101,8 @@ struct StageConfig {
       "(training)",
       Between(0.0, 0.4));
     v("carried_share", carried_share,
-      "share of the rays that go through places of a part that moves and must show them with the other parts' key "
-      "points anywhere (training, with two key points or more)",
+      "share of the rays that go through places of a part that moves, carried along with it to where it was at other "
+      "times, and must show the same there, with the other parts' key points anywhere (training; not where parts turn)",
       Between(0.0, 0.35));
     v("random_background", random_background, "composite on random colours once the field has taken shape");
     v("log_every", log_every, "steps between rows of metrics.csv", AtLeast(1));

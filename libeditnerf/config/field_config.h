@@ -122,11 +122,13 @@ struct FastFieldConfig {
   HashEncodingConfig canonical_hash;  // over x'
   HashEncodingConfig local_hash;      // over x' - p
   double local_extent = 0.5;          // side of the cube around p that local_hash covers, of the scene's longest side
+  int64_t local_window_steps = 0;     // steps of training over which the finer half of local_hash comes in
   bool local_frames = true;           // of parts that turn, so that they stand still in local_hash
-  int64_t ambient_octaves = 2;        // of the ambient coordinates fed to the density network, beside the identity
-  int64_t ambient_window_delay = 0;   // steps of pretraining during which the scene is taken as static
-  int64_t ambient_window_steps = 0;   // steps over which the ambient coordinates then come in
-  int64_t density_depth = 1;          // hidden layers
+  int64_t ambient_octaves = 2;    // of pretraining's ambient coordinates, for the density network, beside the identity
+  int64_t key_point_octaves = 2;  // of the key point's, in training
+  int64_t ambient_window_delay = 0;  // steps of pretraining during which the scene is taken as static
+  int64_t ambient_window_steps = 0;  // steps over which the ambient coordinates then come in
+  int64_t density_depth = 1;         // hidden layers
   int64_t color_depth = 2;
   int64_t width = 64;
   int64_t geometry_features = 15;  // passed from the density to the colour network
@@ -139,10 +141,15 @@ struct FastFieldConfig {
     v("local_hash", local_hash, "hash encoding over x' - p; pretraining does not build it");
     v("local_extent", local_extent,
       "side of the cube around p that local_hash covers, as a share of the scene's longest side", Between(0.01, 2));
+    v("local_window_steps", local_window_steps, "steps of training over which the finer half of local_hash comes in",
+      AtLeast(0));
     v("local_frames", local_frames,
       "turn local_hash with the parts of which detection found that they turn as their key points move");
     v("ambient_octaves", ambient_octaves,
-      "octaves of the ambient coordinates fed to the density network, beside the identity", Between(0, 10));
+      "octaves of pretraining's ambient coordinates, fed to the density network beside the identity", Between(0, 10));
+    v("key_point_octaves", key_point_octaves,
+      "octaves of the key point's local coordinates, fed to the density network beside the identity (training)",
+      Between(0, 10));
     v("ambient_window_delay", ambient_window_delay, "steps of pretraining during which the scene is taken as static",
       AtLeast(0));
     v("ambient_window_steps", ambient_window_steps, "steps over which the ambient coordinates then come in",

@@ -1,5 +1,6 @@
 #include "libeditnerf/field/fast_hyperspace.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "libeditnerf/base/shape.h"
@@ -23,7 +24,37 @@ std::vector<int64_t> Resolutions(const HashEncodingConfig& config) {
   return HashResolutions(config.num_levels, config.base_resolution, config.finest_resolution);
 }
 
+// As fine in each room as one alone would be.
+std::vector<int64_t> Resolutions(const HashEncodingConfig& config, int64_t rooms) {
+  std::vector<int64_t> resolutions = Resolutions(config);
+  for (int64_t& resolution : resolutions) resolution *= rooms;
+  return resolutions;
+}
+
 int64_t Width(const HashEncodingConfig& config) { return config.num_levels * config.features_per_level; }
+
+torch::Tensor RoomCorners(int64_t num_key_points) {
+  torch::Tensor corners = torch::zeros({num_key_points, 3});
+  for (int64_t i = 0; i < num_key_points; ++i) {
+    const auto corner = RoomOf(i, RoomsFor(num_key_points));
+    for (int64_t axis = 0; axis < 3; ++axis) corners[i][axis] = corner[static_cast<size_t>(axis)];
+  }
+  return corners;
+}
+
+// Where a part is and how it turns is settled by what is coarse, before what is fine fixes it: the coarser half of the
+// levels is there at once, the others come in one after the other. Empty once all are open.
+std::vector<float> WindowsAt(const FastFieldConfig& config, int64_t step) {
+  if (step >= config.local_window_steps) return {};
+  const auto levels = static_cast<double>(config.local_hash.num_levels), first = levels / 2;
+  const double done = static_cast<double>(step) / static_cast<double>(config.local_window_steps);
+  std::vector<float> windows;
+  for (int64_t l = 0; l < config.local_hash.num_levels; ++l) {
+    const double share = std::clamp(first + (levels - first) * done - static_cast<double>(l), 0.0, 1.0);
+    windows.push_back(static_cast<float>((1 - std::cos(M_PI * share)) / 2));
+  }
+  return windows;
+}
 
 }  // namespace
 
@@ -33,11 +64,12 @@ FastHyperspace::FastHyperspace(const FastHyperspaceOptions& options) : options_(
   canonical_table_ = register_parameter("canonical_table", MakeTable(config.canonical_hash));
   int64_t features = Width(config.canonical_hash);
   if (options_.ambient_dim > 0) {
-    ambient_encoding_.emplace(options_.ambient_dim, config.ambient_octaves);
+    ambient_encoding_.emplace(options_.ambient_dim, AmbientOctaves());
     features += ambient_encoding_->output_dim();
   }
-  if (options_.anchored) {
-    local_resolutions_ = Resolutions(config.local_hash);
+  if (options_.num_key_points > 0) {
+    local_resolutions_ = Resolutions(config.local_hash, RoomsFor(options_.num_key_points));
+    rooms_ = register_buffer("rooms", RoomCorners(options_.num_key_points));
     local_table_ = register_parameter("local_table", MakeTable(config.local_hash));
     features += Width(config.local_hash);
   }
@@ -58,9 +90,31 @@ FastHyperspace::FastHyperspace(const FastHyperspaceOptions& options) : options_(
 }
 
 void FastHyperspace::SetStep(int64_t step) {
-  if (options_.anchored) return;
+  if (options_.num_key_points > 0) {
+    local_windows_ = WindowsAt(options_.config, step);
+    return;
+  }
   // What stands still is learnt first; otherwise every frame grows a world of its own, and the space stays foggy.
   ambient_window_ = WindowAlpha(step, options_.config.ambient_window_delay, options_.config.ambient_window_steps, 1);
+}
+
+torch::Tensor FastHyperspace::LocalFeatures(const HyperspaceInput& input) const {
+  const int64_t samples = input.x_canonical.size(0), number = options_.num_key_points;
+  CheckShape(input.local, {samples, 3}, "fast field local");
+  const FastFieldConfig& config = options_.config;
+  const torch::Tensor local = input.local / (options_.box.LongestSide() * config.local_extent);  // in [-0.5, 0.5]
+  const torch::Tensor margin = 1 - 2 * std::get<0>(local.detach().abs().max(1, true));
+  torch::Tensor unit = local + 0.5;
+  if (number > 1) {
+    CheckShape(input.weights, {samples, number}, "fast field weights");
+    unit = unit.clamp(0, 1);
+    for (int64_t i = 0; i < number; ++i) unit = unit + input.weights.slice(1, i, i + 1) * rooms_[i];
+    unit = unit / static_cast<double>(RoomsFor(number));
+  }
+  const torch::Tensor encoded = HashEncode(unit, local_table_, local_resolutions_) * (margin / kFade).clamp(0, 1);
+  if (local_windows_.empty()) return encoded;
+  const torch::Tensor windows = torch::tensor(local_windows_, encoded.options());
+  return encoded * windows.repeat_interleave(config.local_hash.features_per_level);
 }
 
 torch::Tensor FastHyperspace::DensityFeatures(const HyperspaceInput& input) {
@@ -68,12 +122,7 @@ torch::Tensor FastHyperspace::DensityFeatures(const HyperspaceInput& input) {
   const double side = options_.box.LongestSide();
   std::vector<torch::Tensor> features = {
       HashEncode((input.x_canonical - box_low_) / side, canonical_table_, canonical_resolutions_)};
-  if (options_.anchored) {
-    CheckShape(input.local, {input.x_canonical.size(0), 3}, "fast field local");
-    const torch::Tensor local = input.local / (side * options_.config.local_extent);  // in [-0.5, 0.5]
-    const torch::Tensor margin = 1 - 2 * std::get<0>(local.detach().abs().max(1, true));
-    features.push_back(HashEncode(local + 0.5, local_table_, local_resolutions_) * (margin / kFade).clamp(0, 1));
-  }
+  if (options_.num_key_points > 0) features.push_back(LocalFeatures(input));
   if (ambient_encoding_) {
     CheckShape(input.ambient, {input.x_canonical.size(0), options_.ambient_dim}, "fast field ambient");
     features.push_back(ambient_encoding_->forward(input.ambient) * ambient_window_);
@@ -105,11 +154,12 @@ void FastHyperspace::AddTo(FusedField* field) const {
   field->canonical = {canonical_table_, canonical_resolutions_};
   field->low = {static_cast<float>(low.x), static_cast<float>(low.y), static_cast<float>(low.z)};
   field->side = static_cast<float>(options_.box.LongestSide());
-  if (options_.anchored) field->local = {local_table_, local_resolutions_};
+  if (options_.num_key_points > 0) field->local = {local_table_, local_resolutions_};
+  field->local_windows = local_windows_;
   field->local_side = static_cast<float>(options_.box.LongestSide() * config.local_extent);
   field->fade_margin = static_cast<float>(kFade);
   field->ambient_dim = options_.ambient_dim;
-  field->ambient_octaves = config.ambient_octaves;
+  field->ambient_octaves = AmbientOctaves();
   field->ambient_window = static_cast<float>(ambient_window_);
   field->density = density_network_->Layers();
   field->density_bias = static_cast<float>(config.density_bias);

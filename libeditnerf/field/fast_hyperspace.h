@@ -5,6 +5,9 @@
 //                                                       one that turns as well does in local frames (local_frames.h)
 //   c = colour network (g, harmonics(d), alpha_t)
 //
+// With several key points each has a room of its own in the second encoding, as parts that lie at the same x' - p are
+// others: the unit cube is divided into rooms^3 of them, rooms^3 >= N, and a sample goes where the weights say.
+//
 // Takes the place of H in EditableNeRF, eq. (4). Without key points (pretraining) there is no second hash encoding.
 #pragma once
 
@@ -24,9 +27,9 @@ namespace editnerf {
 
 struct FastHyperspaceOptions {
   FastFieldConfig config;
-  Box box;                  // of the scene, scene units
-  int64_t ambient_dim = 0;  // 0: a static scene
-  bool anchored = false;    // whether HyperspaceInput::local is given
+  Box box;                     // of the scene, scene units
+  int64_t ambient_dim = 0;     // 0: a static scene
+  int64_t num_key_points = 0;  // N; 0: HyperspaceInput::local is not given
   bool use_direction = true;
   int64_t appearance_dim = 0;  // 0: the colour does not depend on the frame
 };
@@ -44,13 +47,19 @@ class FastHyperspace : public HyperspaceNetwork {
 
  private:
   torch::Tensor DensityFeatures(const HyperspaceInput& input);  // [S, 1 + geometry_features]
+  int64_t AmbientOctaves() const {
+    return options_.num_key_points > 0 ? options_.config.key_point_octaves : options_.config.ambient_octaves;
+  }
+  torch::Tensor LocalFeatures(const HyperspaceInput& input) const;  // [S, L * F]
 
   FastHyperspaceOptions options_;
   std::optional<PositionalEncoding> ambient_encoding_;
-  double ambient_window_ = 1;  // of pretraining
+  double ambient_window_ = 1;         // of pretraining
+  std::vector<float> local_windows_;  // [L], coarse to fine; empty: all open
   std::vector<int64_t> canonical_resolutions_, local_resolutions_;
   torch::Tensor canonical_table_, local_table_;  // [L, T, F]
   torch::Tensor box_low_;                        // [3] buffer
+  torch::Tensor rooms_;                          // [N, 3] buffer, corners in rooms
   Mlp density_network_{nullptr}, color_network_{nullptr};
 };
 

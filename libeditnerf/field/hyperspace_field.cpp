@@ -25,7 +25,7 @@ std::shared_ptr<HyperspaceNetwork> MakeNetwork(const HyperspaceFieldOptions& opt
     fast.config = config.fast;
     fast.box = options.box;
     fast.ambient_dim = ambient_dim;
-    fast.anchored = options.stage == FieldStage::kTrain && options.num_key_points > 0;
+    if (options.stage == FieldStage::kTrain) fast.num_key_points = options.num_key_points;
     fast.use_direction = config.use_view_direction;
     fast.appearance_dim = appearance_dim;
     return std::make_shared<FastHyperspace>(fast);
@@ -126,6 +126,7 @@ HyperspaceInput HyperspaceField::ToHyperspace(const FieldInput& input, const Fra
     CheckShape(states.key_points, {kAny, num_key_points(), 3}, "field key points");
     if (weights_) output->weights = weights_->forward(inner.x_canonical);
     output->anchor = WeightedKeyPoint(output->weights, states.key_points, input.state);
+    inner.weights = output->weights;
     inner.local = inner.x_canonical - output->anchor;
     if (local_frames_) {
       inner.local = InLocalFrames(inner.x_canonical, output->weights, states.key_points,

@@ -25,8 +25,8 @@ struct HyperspaceFieldOptions {
   Box box;                       // of the scene, scene units
   int64_t num_key_points = 0;    // N, training only; 0: a static scene
   torch::Tensor initial_tracks;  // [T, N, 3], scene units; undefined: to be loaded from a checkpoint
-  torch::Tensor initial_turns;   // [T, N, 3], rotation vectors from the parts' own axes to the scene's; may be undefined
-  bool local_frames = false;     // parts turn, which `initial_turns` says, or the checkpoint to be loaded
+  torch::Tensor initial_turns;  // [T, N, 3], rotation vectors from the parts' own axes to the scene's; may be undefined
+  bool local_frames = false;    // parts turn, which `initial_turns` says, or the checkpoint to be loaded
 };
 
 class HyperspaceField : public RadianceField {

@@ -30,7 +30,7 @@ class HyperspaceNerfImpl : public HyperspaceNetwork {
  public:
   HyperspaceNerfImpl(const HyperspaceNerfConfig& config, const HyperspaceInputs& inputs);  // throws ConfigError
 
-  // HyperspaceNetwork. `local` is not read; neither are inputs that the network was not built for.
+  // HyperspaceNetwork. `local` and `weights` are not read; neither are inputs that the network was not built for.
   HyperspaceOutput Evaluate(const HyperspaceInput& input) override;
   torch::Tensor Density(const HyperspaceInput& input) override;
 

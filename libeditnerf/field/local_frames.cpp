@@ -40,10 +40,10 @@ LocalFramesImpl::LocalFramesImpl(const torch::Tensor& coordinates, const torch::
   const torch::Tensor mean = hidden.mean(1, true), features = hidden - mean;
   const torch::Tensor known = turns.detach().to(torch::kFloat64).transpose(0, 1), middle = known.mean(1, true);
   const auto frames = static_cast<double>(turns.size(0));
-  const torch::Tensor square = torch::matmul(features.transpose(1, 2), features) +
-                               kRidge * frames * torch::eye(kHidden, torch::kFloat64);
-  const torch::Tensor weight = torch::matmul(torch::linalg_inv(square),
-                                             torch::matmul(features.transpose(1, 2), known - middle));
+  const torch::Tensor square =
+      torch::matmul(features.transpose(1, 2), features) + kRidge * frames * torch::eye(kHidden, torch::kFloat64);
+  const torch::Tensor weight =
+      torch::matmul(torch::linalg_inv(square), torch::matmul(features.transpose(1, 2), known - middle));
   output_weight_.copy_(weight);
   output_bias_.copy_(middle - torch::matmul(mean, weight));
 }
@@ -81,9 +81,8 @@ torch::Tensor UnwrapTurns(const torch::Tensor& turns) {
   for (int64_t t = 1; t < turns.size(0); ++t) {
     const torch::Tensor before = unwrapped[t - 1], angle = unwrapped[t].norm(2, -1, true);
     // About the axis of a turn by next to nothing, that of the frame before.
-    const torch::Tensor axis =
-        torch::where(angle > 1e-6, unwrapped[t] / angle.clamp_min(1e-6),
-                     before / before.norm(2, -1, true).clamp_min(1e-6));
+    const torch::Tensor axis = torch::where(angle > 1e-6, unwrapped[t] / angle.clamp_min(1e-6),
+                                            before / before.norm(2, -1, true).clamp_min(1e-6));
     const torch::Tensor wanted = (before * axis).sum(-1, true);
     const torch::Tensor signed_angle = torch::where(angle > 1e-6, angle, torch::zeros_like(angle));
     const torch::Tensor whole = ((wanted - signed_angle) / (2 * M_PI)).round();

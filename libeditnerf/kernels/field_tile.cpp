@@ -95,6 +95,41 @@ void FieldKernel::EncodeWithin(const float* fade, const float* unit, int64_t cou
   }
 }
 
+// From the unit coordinates of one room to those of all.
+void FieldKernel::GoToRooms(int64_t count, TileMemory& tile) const {
+  const int64_t n = field_.num_key_points, rooms = RoomsFor(n);
+  if (n == 1) return;
+  float* const unit = tile.Row(rows_.local);
+  for (int64_t i = 1; i < n; ++i) {
+    const auto corner = RoomOf(i, rooms);
+    for (int64_t axis = 0; axis < 3; ++axis) {
+      float* const row = TileRow(unit, axis);
+      const float at = corner[static_cast<size_t>(axis)];
+      if (at > 0) AddRows(row, TileRow(tile.Row(rows_.weights), i), at, 1, count, row);
+    }
+  }
+  ScaleRows(1 / static_cast<float>(rooms), 3, count, unit);
+}
+
+// grad_weights += factor * corners times grad [3 rows].
+void FieldKernel::RoomsBackward(int64_t count, const float* grad, float factor, float* grad_weights) const {
+  for (int64_t i = 1; i < field_.num_key_points; ++i) {
+    const auto corner = RoomOf(i, RoomsFor(field_.num_key_points));
+    for (int64_t axis = 0; axis < 3; ++axis) {
+      float* const row = TileRow(grad_weights, i);
+      const float at = corner[static_cast<size_t>(axis)];
+      if (at > 0) AddRows(row, TileRow(grad, axis), factor * at, 1, count, row);
+    }
+  }
+}
+
+void FieldKernel::ScaleByWindows(int64_t count, float* local_features) const {
+  for (size_t l = 0; l < field_.local_windows.size(); ++l) {
+    if (field_.local_windows[l] != 1)
+      ScaleRows(field_.local_windows[l], 2, count, TileRow(local_features, 2 * static_cast<int64_t>(l)));
+  }
+}
+
 // Key points, weights and what follows from them: the anchor p and its local coordinates.
 void FieldKernel::Anchors(const int32_t* state, int64_t count, TileMemory& tile) const {
   const int64_t n = field_.num_key_points;
@@ -141,8 +176,10 @@ void FieldKernel::Density(const int32_t* state, int64_t count, TileMemory& tile)
     LocalCoordinates(field_.local_frames ? tile.Row(rows_.turned) : x,
                      field_.local_frames ? nullptr : tile.Row(rows_.anchor), field_.local_side, field_.fade_margin,
                      count, tile.Row(rows_.local), tile.Row(rows_.fade));
+    GoToRooms(count, tile);
     EncodeWithin(tile.Row(rows_.fade), tile.Row(rows_.local), count, encoded);
     ScaleRows(tile.Row(rows_.fade), rows_.local_features, count, encoded);
+    ScaleByWindows(count, encoded);
   }
   if (field_.ambient_dim > 0) {
     EncodeTile(tile.Row(rows_.ambient), field_.ambient_dim, field_.ambient_octaves, field_.ambient_window, count,
@@ -189,7 +226,10 @@ void FieldKernel::Backward(int64_t count, TileMemory& tile, TileMemory& scratch,
   density_.Backward(tile.Row(rows_.features), tile.Row(rows_.density_act), grad_out, count, networks, sums.density,
                     parts);
   if (field_.ambient_dim == 0) return;
-  if (rows_.local_features > 0) ScaleRows(tile.Row(rows_.fade), rows_.local_features, count, to.local);
+  if (rows_.local_features > 0) {
+    ScaleRows(tile.Row(rows_.fade), rows_.local_features, count, to.local);
+    ScaleByWindows(count, to.local);
+  }
   EncodeTileGradient(tile.Row(rows_.features + rows_.num_features - rows_.ambient_features), grad_encoded,
                      field_.ambient_dim, field_.ambient_octaves, field_.ambient_window, count, grad_ambient);
   AddScaledRows(tile.Row(rows_.pull), tile.Row(rows_.ambient), field_.ambient_dim, count, grad_ambient);
@@ -207,6 +247,7 @@ void FieldKernel::KeyPointsBackward(int64_t count, const float* grad_ambient, Ti
                                     FieldSums& sums, const TileGradients& to) const {
   const int64_t n = field_.num_key_points;
   float *const grad_weights = scratch, *const grad_anchor = TileRow(scratch, n);
+  const float per_unit = (field_.local_frames ? 1.0F : -1.0F) / (field_.local_side * static_cast<float>(RoomsFor(n)));
   // The slope with respect to l is what the anchor gets, but for the sign; in local frames the anchor gets nothing.
   float* const grad_local = field_.local_frames ? TileRow(scratch, n + 3) : grad_anchor;
   float* const axes[3] = {grad_local, TileRow(grad_local, 1), TileRow(grad_local, 2)};
@@ -224,7 +265,7 @@ void FieldKernel::KeyPointsBackward(int64_t count, const float* grad_ambient, Ti
       SlopeHashLevel(points, {field_.local.resolutions[l], table_size}, table + 2 * level * table_size,
                      TileRow(to.local, 2 * level), TileRow(to.local, 2 * level + 1), axes);
     }
-    ScaleRows((field_.local_frames ? 1 : -1) / field_.local_side, 3, count, grad_local);
+    ScaleRows(per_unit, 3, count, grad_local);
   }
   const auto add_frames = [&](float* to_weights) {
     if (!field_.local_frames) return;
@@ -241,6 +282,9 @@ void FieldKernel::KeyPointsBackward(int64_t count, const float* grad_ambient, Ti
   WeightedSumGradient(weights, tile.Row(rows_.keys), scale, offset, n, count, grad_anchor, grad_ambient, grad_weights,
                       to.keys);
   add_frames(grad_weights);
+  if (rows_.local_features > 0) {
+    RoomsBackward(count, grad_local, 1 / (per_unit * static_cast<float>(RoomsFor(n))), grad_weights);
+  }
   SoftmaxGradient(weights, n, count, grad_weights);
   weights_.Backward(tile.Row(rows_.weight_in), tile.Row(rows_.weight_act), grad_weights, count, TileRow(scratch, n + 6),
                     sums.weights, {});

@@ -39,7 +39,7 @@ class FieldKernel {
   const float* LocalFrames(int64_t state) const {  // [N, 3, 3]; nullptr where parts do not turn
     return frames_ == nullptr ? nullptr : frames_ + state * 9 * field_.num_key_points;
   }
-  int64_t num_states() const { return num_states_; }                                                 // -1: any
+  int64_t num_states() const { return num_states_; }  // -1: any
 
   // From the rows x to density: everything up to and without the harmonics. state [count]: row of the states.
   void Density(const int32_t* state, int64_t count, TileMemory& tile) const;
@@ -62,6 +62,9 @@ class FieldKernel {
     return field_.num_key_points > 1 ? tile.Row(rows_.weights) : nullptr;
   }
   void Slices(const int32_t* state, int64_t count, TileMemory& tile) const;
+  void GoToRooms(int64_t count, TileMemory& tile) const;
+  void RoomsBackward(int64_t count, const float* grad, float factor, float* grad_weights) const;
+  void ScaleByWindows(int64_t count, float* local_features) const;
   void Encode(const FusedHash& hash, const float* unit, int64_t count, float* out) const;
   void EncodeWithin(const float* fade, const float* unit, int64_t count, float* out) const;
   void KeyPointsBackward(int64_t count, const float* grad_ambient, TileMemory& tile, float* scratch, FieldSums& sums,

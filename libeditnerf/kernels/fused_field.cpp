@@ -52,6 +52,10 @@ bool CanFuse(const FusedField& field) {
 
 void CheckFused(const FusedField& field, const FusedStates& states) {
   const FieldRows rows(field);
+  if (!field.local_windows.empty() && field.local_windows.size() != field.local.resolutions.size()) {
+    Throw<ShapeError>("fused local windows: expected {} or none, found {}", field.local.resolutions.size(),
+                      field.local_windows.size());
+  }
   CheckIn(field.weights, Encoded(3, field.weight_octaves), "fused weight network");
   CheckIn(field.slicing, Encoded(3, field.slicing_octaves) + field.code_dim, "fused slicing network");
   CheckIn(field.density, rows.num_features, "fused density network");

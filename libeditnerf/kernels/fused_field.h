@@ -25,14 +25,26 @@ struct FusedHash {
   std::vector<int64_t> resolutions;  // L
 };
 
+// Rooms along each axis of the local hash's cube, so that N key points have one each, and the corner of number i's.
+inline int64_t RoomsFor(int64_t num_key_points) {
+  int64_t rooms = 1;
+  while (rooms * rooms * rooms < num_key_points) ++rooms;
+  return rooms;
+}
+inline std::array<float, 3> RoomOf(int64_t i, int64_t rooms) {
+  return {static_cast<float>(i % rooms), static_cast<float>(i / rooms % rooms),
+          static_cast<float>(i / (rooms * rooms))};
+}
+
 // Tensors are float32, contiguous, on the CPU, and the module's own: kernels read and differentiate them in place.
 struct FusedField {
-  FusedHash canonical;        // over (x - low) / side
-  std::array<float, 3> low;   // scene units
-  float side = 1;             // scene units
-  FusedHash local;            // over l / local_side + 1/2
-  float local_side = 1;       // scene units
-  float fade_margin = 0.125;  // share of the local cube's half side over which its features fade to zero
+  FusedHash canonical;               // over (x - low) / side
+  std::array<float, 3> low;          // scene units
+  float side = 1;                    // scene units
+  FusedHash local;                   // over l / local_side + 1/2; for N > 1 that + sum_i w^i room_i, over rooms
+  float local_side = 1;              // scene units
+  std::vector<float> local_windows;  // L factors of its features; empty: 1
+  float fade_margin = 0.125;         // share of the local cube's half side over which its features fade to zero
 
   int64_t num_key_points = 0;        // N; 0: a static scene, or pretraining
   at::Tensor key_scale, key_offset;  // [N], [N, 3]: local coordinates are scale k + offset
@@ -79,23 +91,23 @@ struct RowRange {
 struct FieldRows {
   explicit FieldRows(const FusedField& field);
 
-  int64_t t, slot;                               // 1 each, of the ray bundle: distance along the ray, and which ray
-  int64_t x;                                     // 3, scene units
-  int64_t unit;                                  // 3, coordinates of the canonical hash
-  int64_t keys, frames;                          // 3 N and 9 N, of the samples' states
-  int64_t weight_in, weight_act, weights;        // encoding, activations, the last N of which are the weights
-  int64_t anchor, turned, local, fade;           // p, l in local frames, l as the hash takes it: 3, 3, 3, 1
-  int64_t slicing_in, slicing_act;               // encoding and code, activations
-  int64_t ambient;                               // A
-  int64_t features, density_act;                 // input and activations of the density network
-  int64_t density_out;                           // its output: log density, geometry features
-  int64_t density;                               // 1, per scene unit
-  int64_t harmonics, appearance;                 // behind the geometry features, with them the colour network's input
-  int64_t color_act, color;                      // activations, the last 3 of which are the radiance
-  int64_t grad_density_out;                      // 1 + geometry features
-  int64_t grad_color;                            // 3, before the sigmoid
-  int64_t pull;                                  // 1: factor on the ambient coordinates that is added to their gradient
-  int64_t count;                                 // of all rows
+  int64_t t, slot;                         // 1 each, of the ray bundle: distance along the ray, and which ray
+  int64_t x;                               // 3, scene units
+  int64_t unit;                            // 3, coordinates of the canonical hash
+  int64_t keys, frames;                    // 3 N and 9 N, of the samples' states
+  int64_t weight_in, weight_act, weights;  // encoding, activations, the last N of which are the weights
+  int64_t anchor, turned, local, fade;     // p, l in local frames, l as the hash takes it: 3, 3, 3, 1
+  int64_t slicing_in, slicing_act;         // encoding and code, activations
+  int64_t ambient;                         // A
+  int64_t features, density_act;           // input and activations of the density network
+  int64_t density_out;                     // its output: log density, geometry features
+  int64_t density;                         // 1, per scene unit
+  int64_t harmonics, appearance;           // behind the geometry features, with them the colour network's input
+  int64_t color_act, color;                // activations, the last 3 of which are the radiance
+  int64_t grad_density_out;                // 1 + geometry features
+  int64_t grad_color;                      // 3, before the sigmoid
+  int64_t pull;                            // 1: factor on the ambient coordinates that is added to their gradient
+  int64_t count;                           // of all rows
 
   int64_t num_features, ambient_features, canonical_features, local_features;
 

@@ -31,9 +31,9 @@ struct LocalView {
     float apart[3] = {x[0], x[1], x[2]};
     for (int axis = 0; anchor != nullptr && axis < 3; ++axis) apart[axis] -= anchor[axis];
     for (int own = 0; own < 3; ++own) {
-      local[own] = turn == nullptr ? apart[own]
-                                   : turn[3 * own] * apart[0] + turn[3 * own + 1] * apart[1] +
-                                         turn[3 * own + 2] * apart[2];
+      local[own] = turn == nullptr
+                       ? apart[own]
+                       : turn[3 * own] * apart[0] + turn[3 * own + 1] * apart[1] + turn[3 * own + 2] * apart[2];
     }
   }
 };

@@ -33,9 +33,9 @@ struct MarchedRays {
 };
 
 // The samples t_i = near + (i + jitter) (far - near) / steps, 0 <= i < steps, for which x = origin + t_i direction lies
-// in an occupied cell of `grid` and turn (x - anchor) in one of `local`, unless that is nullptr. NaN and what lies outside a
-// box is not occupied. Where nothing at all is to be kept, the first sample of the first ray is. Without gradients;
-// throws ShapeError for other shapes, types or devices.
+// in an occupied cell of `grid` and turn (x - anchor) in one of `local`, unless that is nullptr. NaN and what lies
+// outside a box is not occupied. Where nothing at all is to be kept, the first sample of the first ray is. Without
+// gradients; throws ShapeError for other shapes, types or devices.
 PackedSamples MarchRays(const MarchedRays& rays, double near, double far, int64_t steps, const OccupancyBits& grid,
                         const OccupancyBits* local = nullptr);
 

@@ -51,8 +51,8 @@ void WeightedSumGradient(const float* weights, const float* keys, const float* s
                          int64_t count, const float* grad_anchor, const float* grad_ambient, float* grad_weights,
                          float* grad_keys);
 
-// turned [3 rows] = sum_i w_i R_i (x - k_i), for weights [num rows], keys [3 num rows] and frames [9 num rows], R by rows.
-// weights nullptr: 1.
+// turned [3 rows] = sum_i w_i R_i (x - k_i), for weights [num rows], keys [3 num rows] and frames [9 num rows], R by
+// rows. weights nullptr: 1.
 void SumInFrames(const float* x, const float* weights, const float* keys, const float* frames, int64_t num,
                  int64_t count, float* turned);
 // Its gradient, given `grad` [3 rows]: added to grad_weights [num rows] (may be nullptr) and grad_keys [3 num rows],

@@ -26,9 +26,9 @@ namespace editnerf {
 class RayRenderer : public torch::nn::Module {
  public:
   // near and far in scene units. `box` is what marching looks at: nothing outside it is seen (BoxAroundRays of all
-  // training cameras is a safe choice). `local_box` adds a second grid over the part's own coordinates, for fields without warp and with one
-  // key point: a sample is then evaluated only where both grids are occupied. The hierarchical sampler builds no grid.
-  // Throws ConfigError for an unknown sampler or near >= far.
+  // training cameras is a safe choice). `local_box` adds a second grid over the part's own coordinates, for fields
+  // without warp and with one key point: a sample is then evaluated only where both grids are occupied. The
+  // hierarchical sampler builds no grid. Throws ConfigError for an unknown sampler or near >= far.
   RayRenderer(const RenderConfig& config, double near, double far, const Box& box,
               const std::optional<Box>& local_box = std::nullopt);
 

@@ -107,8 +107,8 @@ torch::Tensor ReadPartTurns(const fs::path& folder, int64_t frames, int64_t key_
   if (file.tensors.count("turns") == 0) Throw<DataError>("{}: found no tensor \"turns\"", path.string());
   const torch::Tensor turns = file.tensors["turns"];
   if (turns.scalar_type() != torch::kFloat32 || turns.sizes() != torch::IntArrayRef({frames, key_points, 3})) {
-    Throw<DataError>("{}: expected turns float32 [{}, {}, 3], found {}; detect again", path.string(), frames, key_points,
-                     ShapeString(turns));
+    Throw<DataError>("{}: expected turns float32 [{}, {}, 3], found {}; detect again", path.string(), frames,
+                     key_points, ShapeString(turns));
   }
   if (!turns.isfinite().all().item<bool>()) Throw<DataError>("{}: a turn is not finite", path.string());
   return turns;

@@ -40,8 +40,8 @@ LocalCoordinates ToLocalCoordinates(const torch::Tensor& tracks);  // [T, N, 3],
 
 // Into `folder` (a scene folder): data/k_points_auto.txt and k_points_auto_coor_I.txt (where there are key points),
 // data/detection.json, data/variance.png, data/motion.png, data/tracks.png, depth/depth_median_ID.npy,
-// flow/flow_ID.npy, data/still_depth.safetensors, data/part_depth.safetensors, data/part_turns.safetensors. Throws DataError naming the file that
-// cannot be written.
+// flow/flow_ID.npy, data/still_depth.safetensors, data/part_depth.safetensors, data/part_turns.safetensors. Throws
+// DataError naming the file that cannot be written.
 void WriteDetection(const Scene& scene, const DetectionRun& run, const std::filesystem::path& folder);
 
 // Where WriteDetection leaves known distances and turns; absent where there are none.

@@ -41,15 +41,13 @@ DepthTargets ReadDepthTargets(const std::filesystem::path& path, int64_t frames,
   const int64_t count = targets.distance.numel();
   const bool fits =
       targets.frame.scalar_type() == torch::kInt64 && targets.key_point.scalar_type() == torch::kInt64 &&
-      targets.pixel.scalar_type() == torch::kInt64 &&
-      targets.distance.scalar_type() == torch::kFloat32 && targets.tolerance.scalar_type() == torch::kFloat32 &&
-      targets.frame.sizes() == torch::IntArrayRef{count} && targets.pixel.sizes() == torch::IntArrayRef({count, 2}) &&
-      targets.distance.dim() == 1 && targets.tolerance.sizes() == torch::IntArrayRef{count} &&
-      targets.key_point.sizes() == torch::IntArrayRef{count};
+      targets.pixel.scalar_type() == torch::kInt64 && targets.distance.scalar_type() == torch::kFloat32 &&
+      targets.tolerance.scalar_type() == torch::kFloat32 && targets.frame.sizes() == torch::IntArrayRef{count} &&
+      targets.pixel.sizes() == torch::IntArrayRef({count, 2}) && targets.distance.dim() == 1 &&
+      targets.tolerance.sizes() == torch::IntArrayRef{count} && targets.key_point.sizes() == torch::IntArrayRef{count};
   if (!fits) {
-    Throw<DataError>(
-        "{}: expected frame [M], key_point [M] and pixel [M, 2] int64, distance and tolerance [M] float32",
-        path.string());
+    Throw<DataError>("{}: expected frame [M], key_point [M] and pixel [M, 2] int64, distance and tolerance [M] float32",
+                     path.string());
   }
   if (!Within(targets.frame, 0, frames) || !Within(targets.pixel.select(1, 0), 0, width) ||
       !Within(targets.pixel.select(1, 1), 0, height)) {

@@ -4,18 +4,18 @@
 
 namespace editnerf {
 
-torch::Tensor DrawKeyPoints(const torch::Tensor& key_points, const torch::Tensor& frame, const torch::Tensor& kept) {
+torch::Tensor DrawKeyPoints(const torch::Tensor& key_points, const torch::Tensor& carrier) {
   const torch::NoGradGuard no_grad;
   const torch::Tensor known = key_points.detach();
-  const int64_t frames = known.size(0), number = known.size(1), count = frame.size(0);
+  const int64_t frames = known.size(0), number = known.size(1), count = carrier.size(0);
   const auto pick = [&] {
     const torch::Tensor visited = torch::randint(frames, {count, number, 1}, torch::kInt64).to(known.device());
     return known.gather(0, visited.expand({count, number, 3}));
   };
   const torch::Tensor a = pick(), b = pick();
   const torch::Tensor drawn = torch::lerp(a, b, torch::rand({count, number, 1}).to(known));
-  const torch::Tensor stays = torch::arange(number, kept.options()) == kept.unsqueeze(1);
-  return torch::where(stays.unsqueeze(2), known.index_select(0, frame), drawn);
+  const torch::Tensor on_its_way = torch::arange(number, carrier.options()) == carrier.unsqueeze(1);
+  return torch::where(on_its_way.unsqueeze(2), a, drawn);
 }
 
 FrameStates WithDrawn(FrameStates states, const torch::Tensor& drawn, const torch::Tensor& frame) {

@@ -18,7 +18,8 @@ using Tensors = std::map<std::string, torch::Tensor>;
 
 constexpr const char* kFormat = "editnerf checkpoint";
 constexpr int kVersion = 2;
-// The local occupancy grid covers the whole reach of a part's own coordinates, not the share that the local hash encoding refines.
+// The local occupancy grid covers the whole reach of a part's own coordinates, not the share that the local hash
+// encoding refines.
 constexpr double kLocalReach = 1.0;
 
 // Everything between near and far of the training views, from the corners and edges of their images.

@@ -99,8 +99,9 @@ Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision>
 }
 
 void Trainer::SetKnownPlaces(const DepthTargets& places) {
-  const int64_t number = run_.field->num_key_points();
-  rays_.SetKnownPlaces(places, number > 0 ? stage_.still_share : 0, number > 1 ? stage_.carried_share : 0);
+  if (run_.field->num_key_points() == 0) return;
+  // Turns are known to several degrees only: carried along by them, a ray would miss what it saw.
+  rays_.SetKnownPlaces(places, stage_.still_share, run_.field->has_local_frames() ? 0 : stage_.carried_share);
 }
 
 void Trainer::Resume(const std::map<std::string, torch::Tensor>& extra) {
@@ -173,6 +174,16 @@ FrameStates Trainer::AllStates() const {
   return run_.field->States(torch::arange(rays_.cameras().size(), torch::kInt64).to(run_.device));
 }
 
+torch::Tensor Trainer::DrawStates(RayTargets* batch) {
+  const torch::NoGradGuard no_grad;
+  const torch::Tensor known = AllStates().key_points, drawn = DrawKeyPoints(known, batch->carrier);
+  const int64_t first = batch->frame.size(0) - batch->drawn;
+  const torch::Tensor carrier = batch->carrier.clamp_min(0), row = torch::arange(batch->drawn, batch->frame.options());
+  const torch::Tensor shift = drawn.index({row, carrier}) - known.index({batch->frame.slice(0, first), carrier});
+  batch->rays.origin.slice(0, first) += shift * batch->carrier.ge(0).unsqueeze(1);
+  return drawn;
+}
+
 FrameStates Trainer::StatesOf(const RayTargets& batch, const torch::Tensor& drawn) const {
   if (!drawn.defined()) return AllStates();
   return WithDrawn(AllStates(), drawn, batch.frame.slice(0, batch.frame.size(0) - batch.drawn));
@@ -182,7 +193,7 @@ FrameStates Trainer::StatesOf(const RayTargets& batch, const torch::Tensor& draw
 // beats threads inside every small operation by a factor of two. All random numbers are drawn here.
 NamedTensors Trainer::Backward() {
   const int64_t step = run_.counters.step;
-  const RayTargets batch = rays_.Sample(RaysForStep());
+  RayTargets batch = rays_.Sample(RaysForStep());
   const int64_t count = batch.frame.size(0);
   const bool marching = run_.config.render.sampler == "occupancy";
   const int64_t parts = marching && run_.device.is_cpu() ? std::min(NumThreads(), count) : 1;
@@ -200,8 +211,7 @@ NamedTensors Trainer::Backward() {
     options.march_steps = MarchStepsFor(step, run_.config.render.march_steps);
   }
   torch::Tensor drawn;
-  if (batch.drawn > 0)
-    drawn = DrawKeyPoints(AllStates().key_points, batch.frame.slice(0, count - batch.drawn), batch.kept);
+  if (batch.drawn > 0) drawn = DrawStates(&batch);
   torch::Tensor state = batch.frame;
   if (drawn.defined()) {
     options.start = batch.start;

@@ -25,7 +25,7 @@ class Trainer {
   void SetDepthTargets(const DepthTargets& targets) { rays_.SetDepthTargets(targets); }
 
   // Places that stand still (still_share) or that a key point carries (carried_share), to be seen in states that no
-  // frame has. The first are of no use without key points, the second without two. Before the first step.
+  // frame has. Of no use without key points; parts that turn are not carried. Before the first step.
   void SetKnownPlaces(const DepthTargets& places);
 
   // Takes over the optimiser and generator state of a loaded run.
@@ -43,6 +43,8 @@ class Trainer {
  private:
   int64_t RaysForStep() const;
   FrameStates AllStates() const;
+  // Key points drawn anew for the batch's last rays, [drawn, N, 3], and those rays carried along with them.
+  torch::Tensor DrawStates(RayTargets* batch);
   // The frames' states, and behind them those of the batch's last rays under `drawn` key points.
   FrameStates StatesOf(const RayTargets& batch, const torch::Tensor& drawn) const;
   NamedTensors Backward();

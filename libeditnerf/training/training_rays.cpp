@@ -72,8 +72,8 @@ RayTargets TrainingRays::Sample(int64_t count) const {
     pixel.slice(0, end - share, end) = places->pixel.index_select(0, place);
     if (batch.drawn == 0) batch.start = torch::zeros({count}, places->distance.options());
     batch.start.slice(0, end - share, end) = kBefore * places->distance.index_select(0, place);
-    const torch::Tensor kept = places->key_point.index_select(0, place);
-    batch.kept = batch.drawn == 0 ? kept : torch::cat({kept, batch.kept});
+    const torch::Tensor carrier = places->key_point.index_select(0, place);
+    batch.carrier = batch.drawn == 0 ? carrier : torch::cat({carrier, batch.carrier});
     batch.drawn += share;
   }
   const torch::Tensor frame = pixel.div(height * width, "floor");

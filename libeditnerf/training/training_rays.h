@@ -18,11 +18,11 @@ struct RayTargets {
   torch::Tensor frame;                // [R] int64, rows of the list that the sampler was made of
   torch::Tensor target;               // [R, 3], colours in [0, 1]
   torch::Tensor distance, tolerance;  // [R], of DepthTargets, NaN where unknown; undefined without any
-  // The last `drawn` rays go through known places. From `start` on they show the same whatever state the scene is in, as
-  // long as the key point that carries the place stays.
+  // The last `drawn` rays go through known places. From `start` on they show the same whatever state the scene is in,
+  // if they go along with the key point that carries the place.
   int64_t drawn = 0;
-  torch::Tensor start;  // [R], 0 for the other rays; undefined without any
-  torch::Tensor kept;   // [drawn] int64, the key point that carries the place, or kStandsStill
+  torch::Tensor start;    // [R], 0 for the other rays; undefined without any
+  torch::Tensor carrier;  // [drawn] int64, the key point that carries the place, or kStandsStill
 };
 
 class TrainingRays {

@@ -19,7 +19,9 @@ struct Way {
   torch::Tensor turns = torch::zeros({50, 2, 3});
 
   Way() { turns.select(1, 0).select(1, 1).copy_(angle); }
-  static torch::Tensor Corner(const torch::Tensor& a) { return torch::stack({a.cos(), 0.3 * torch::ones_like(a), -a.sin()}, 1); }
+  static torch::Tensor Corner(const torch::Tensor& a) {
+    return torch::stack({a.cos(), 0.3 * torch::ones_like(a), -a.sin()}, 1);
+  }
   static torch::Tensor Slide(const torch::Tensor& a) { return torch::stack({a - 1, torch::zeros_like(a), 0.2 * a}, 1); }
 };
 
@@ -43,14 +45,15 @@ TEST_CASE("known turns are followed between the frames and a little beyond, by r
   CHECK(torch::allclose(torch::matmul(r, r.transpose(2, 3)), torch::eye(3).expand_as(r), 0, 1e-5));
   // In its own frame a point of the lid stands still: one that lies half-way from the hinge to the corner.
   const torch::Tensor half = torch::stack({0.5 * way.angle.cos(), torch::zeros({50}), -0.5 * way.angle.sin()}, 1);
-  const torch::Tensor own = InLocalFrames(half, torch::tensor({1.0F, 0.0F}).expand({50, 2}), way.points, r,
-                                          torch::arange(50, torch::kInt64));
+  const torch::Tensor own =
+      InLocalFrames(half, torch::tensor({1.0F, 0.0F}).expand({50, 2}), way.points, r, torch::arange(50, torch::kInt64));
   CHECK((own - own[0]).norm(2, 1).max().item<double>() < 0.02);
 }
 
 TEST_CASE("local frames turn x - k by the samples' own states and weights") {
   torch::manual_seed(2);
-  const torch::Tensor x = torch::rand({7, 3}), keys = torch::rand({4, 3, 3}), state = torch::randint(4, {7}, torch::kInt64);
+  const torch::Tensor x = torch::rand({7, 3}), keys = torch::rand({4, 3, 3}),
+                      state = torch::randint(4, {7}, torch::kInt64);
   const torch::Tensor turns = 2 * torch::rand({4, 3, 3}) - 1;
   const torch::Tensor weights = torch::softmax(torch::rand({7, 3}), 1);
   const torch::Tensor frames = ExpSo3(turns.unsqueeze(2), torch::eye(3).view({1, 1, 3, 3}));  // exp([r]) transposed

@@ -28,6 +28,7 @@ struct Setting {
   int64_t steps = 24;
   double density_bias = 0.5;
   bool start = false;  // rays that begin on their way
+  int64_t window_steps = 0, step = 1000000;
   bool turning = false;  // parts that turn as their key points move
 };
 
@@ -48,6 +49,7 @@ inline HyperspaceFieldOptions OptionsFor(const Setting& setting) {
   config.fast.local_hash = hash;
   config.fast.local_hash.num_levels = 4;
   config.fast.width = 40;
+  config.fast.local_window_steps = setting.window_steps;
   config.fast.density_bias = setting.density_bias;
   options.stage = setting.stage;
   options.num_frames = kFrames;
@@ -68,7 +70,7 @@ inline std::shared_ptr<HyperspaceField> MakeField(const Setting& setting) {
     if (item.key().find("_table") != std::string::npos) item.value().uniform_(-1, 1);
     if (item.key().find("bias") != std::string::npos) item.value().uniform_(-0.3, 0.3);
   }
-  field->SetStep(1000000);
+  field->SetStep(setting.step);
   return field;
 }
 

@@ -45,6 +45,7 @@ Config SmallFast() {
   config.field.fast.canonical_hash.num_levels = 6;
   config.field.fast.canonical_hash.log2_table_size = 12;
   config.field.fast.local_hash = config.field.fast.canonical_hash;
+  config.field.fast.local_window_steps = 0;
   for (StageConfig* stage : {&config.pretrain, &config.train}) {
     stage->steps = 60;
     stage->seconds = 0;
@@ -128,7 +129,7 @@ TEST_CASE("what stands still is learnt under key points that no frame has") {
     const Run run = MakeRun(config, FieldStage::kTrain, scene, TrueTracks(scene), torch::kCPU);
     Trainer trainer(run, scene, std::nullopt, Scratch("still"));
     trainer.SetKnownPlaces(still);
-    for (int i = 0; i < 200; ++i) CHECK(std::isfinite(trainer.Step().at("reconstruction")));
+    for (int i = 0; i < 400; ++i) CHECK(std::isfinite(trainer.Step().at("reconstruction")));
     const torch::NoGradGuard no_grad;
     TrainingRays sampler(scene, scene.train, torch::kCPU);
     sampler.SetKnownPlaces(still, 0.75, 0);
@@ -143,6 +144,55 @@ TEST_CASE("what stands still is learnt under key points that no frame has") {
     return (seen.rgb - rays.target).slice(0, 200 - rays.drawn).square().mean().item<double>();
   };
   CHECK(error_elsewhere(0.5) < 0.8 * error_elsewhere(0));
+}
+
+TEST_CASE("what a part shows is learnt where it was at other times") {
+  SyntheticOptions options;
+  options.frames = 10;
+  options.val_frames = 0;
+  options.edit_frames = 0;
+  options.width = 48;
+  options.height = 27;
+  options.samples_per_side = 2;
+  const Scene scene = MakeSyntheticScene("cups", options);
+  const torch::Tensor train = torch::tensor(scene.train, torch::kInt64);
+  const torch::Tensor tracks = scene.truth->scene_from_object.index_select(0, train).slice(2, 0, 3).select(3, 3).to(
+      torch::kFloat32);  // [T, 2, 3], the cups' own origins
+  // Where the first cup is seen.
+  const torch::Tensor at = (scene.truth->mask.index_select(0, train) == 1).nonzero();  // frame, row, column
+  const torch::Tensor depth = scene.truth->depth.index_select(0, train);
+  DepthTargets places;
+  places.frame = at.select(1, 0);
+  places.pixel = torch::stack({at.select(1, 2), at.select(1, 1)}, 1);
+  places.distance = depth.index({at.select(1, 0), at.select(1, 1), at.select(1, 2)}).to(torch::kFloat32);
+  places.tolerance = torch::full({at.size(0)}, 0.01F);
+  places.key_point = torch::zeros({at.size(0)}, torch::kInt64);
+  const auto error_elsewhere = [&](double share) {
+    torch::manual_seed(1);
+    Config config = SmallFast();
+    config.train.carried_share = share;
+    config.train.still_share = 0;
+    const Run run = MakeRun(config, FieldStage::kTrain, scene, tracks, torch::kCPU);
+    Trainer trainer(run, scene, std::nullopt, Scratch("carried"));
+    trainer.SetKnownPlaces(places);
+    for (int i = 0; i < 800; ++i) CHECK(std::isfinite(trainer.Step().at("reconstruction")));
+    const torch::NoGradGuard no_grad;
+    TrainingRays sampler(scene, scene.train, torch::kCPU);
+    sampler.SetKnownPlaces(places, 0, 0.75);
+    RayTargets rays = sampler.Sample(400);
+    const int64_t first = 400 - rays.drawn;
+    FrameStates states = run.field->States(rays.frame);
+    const torch::Tensor elsewhere = run.field->States(torch::randint(10, {400}, torch::kInt64)).key_points;
+    const torch::Tensor shift = elsewhere.select(1, 0) - states.key_points.select(1, 0);
+    states.key_points = torch::stack({elsewhere.select(1, 0), elsewhere.flip(0).select(1, 1)}, 1);
+    RayOptions from_there;
+    from_there.start = rays.start;
+    const RayResult seen = run.renderer->Render(
+        *run.field, {rays.rays.origin + shift, rays.rays.direction, torch::arange(400, torch::kInt64)}, states,
+        from_there);
+    return (seen.rgb - rays.target).slice(0, first).square().mean().item<double>();
+  };
+  CHECK(error_elsewhere(0.3) < 0.8 * error_elsewhere(0));
 }
 
 TEST_CASE("a run whose part turns comes back with its local frames") {

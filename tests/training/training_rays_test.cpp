@@ -40,11 +40,11 @@ TEST_CASE("shares of the rays go through places that stand still or are carried,
     const RayTargets batch = rays.Sample(40);
     const int64_t drawn = still + carried;
     REQUIRE(batch.drawn == drawn);
-    REQUIRE(batch.kept.size(0) == drawn);
+    REQUIRE(batch.carrier.size(0) == drawn);
     CHECK((batch.start.slice(0, 0, 40 - drawn) == 0).all().item<bool>());
-    CHECK((batch.kept == kStandsStill).sum().item<int64_t>() == still);
+    CHECK((batch.carrier == kStandsStill).sum().item<int64_t>() == still);
     for (int64_t i = 40 - drawn; i < 40; ++i) {
-      const bool stands = batch.kept[i - 40 + drawn].item<int64_t>() == kStandsStill;
+      const bool stands = batch.carrier[i - 40 + drawn].item<int64_t>() == kStandsStill;
       CHECK(batch.frame[i].item<int64_t>() == (stands ? 1 : 3));
       CHECK(batch.start[i].item<float>() == Approx(stands ? 0.45 : 0.63));
       const torch::Tensor color = stands ? scene.images[scene.train[1]][2][5] : scene.images[scene.train[3]][7][11];
