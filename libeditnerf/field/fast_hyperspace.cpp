@@ -111,7 +111,7 @@ torch::Tensor FastHyperspace::LocalFeatures(const HyperspaceInput& input) const 
     for (int64_t i = 0; i < number; ++i) unit = unit + input.weights.slice(1, i, i + 1) * rooms_[i];
     unit = unit / static_cast<double>(RoomsFor(number));
   }
-  const torch::Tensor encoded = HashEncode(unit, local_table_, local_resolutions_) * (margin / kFade).clamp(0, 1);
+  torch::Tensor encoded = HashEncode(unit, local_table_, local_resolutions_) * (margin / kFade).clamp(0, 1);
   if (local_windows_.empty()) return encoded;
   const torch::Tensor windows = torch::tensor(local_windows_, encoded.options());
   return encoded * windows.repeat_interleave(config.local_hash.features_per_level);

@@ -20,6 +20,18 @@ void SpreadRows(const float* table, int64_t width, const int32_t* state, int64_t
   }
 }
 
+// body(key point, axis, corner) for every corner of a room that is not 0.
+template <class Body>
+void ForRooms(int64_t num_key_points, const Body& body) {
+  const int64_t rooms = RoomsFor(num_key_points);
+  for (int64_t i = 1; i < num_key_points; ++i) {
+    const auto corner = RoomOf(i, rooms);
+    for (int64_t axis = 0; axis < 3; ++axis) {
+      if (const float at = corner[static_cast<size_t>(axis)]; at > 0) body(i, axis, at);
+    }
+  }
+}
+
 }  // namespace
 
 void FieldSums::Clear() {
@@ -100,27 +112,19 @@ void FieldKernel::GoToRooms(int64_t count, TileMemory& tile) const {
   const int64_t n = field_.num_key_points, rooms = RoomsFor(n);
   if (n == 1) return;
   float* const unit = tile.Row(rows_.local);
-  for (int64_t i = 1; i < n; ++i) {
-    const auto corner = RoomOf(i, rooms);
-    for (int64_t axis = 0; axis < 3; ++axis) {
-      float* const row = TileRow(unit, axis);
-      const float at = corner[static_cast<size_t>(axis)];
-      if (at > 0) AddRows(row, TileRow(tile.Row(rows_.weights), i), at, 1, count, row);
-    }
-  }
+  ForRooms(n, [&](int64_t i, int64_t axis, float corner) {
+    float* const row = TileRow(unit, axis);
+    AddRows(row, TileRow(tile.Row(rows_.weights), i), corner, 1, count, row);
+  });
   ScaleRows(1 / static_cast<float>(rooms), 3, count, unit);
 }
 
 // grad_weights += factor * corners times grad [3 rows].
 void FieldKernel::RoomsBackward(int64_t count, const float* grad, float factor, float* grad_weights) const {
-  for (int64_t i = 1; i < field_.num_key_points; ++i) {
-    const auto corner = RoomOf(i, RoomsFor(field_.num_key_points));
-    for (int64_t axis = 0; axis < 3; ++axis) {
-      float* const row = TileRow(grad_weights, i);
-      const float at = corner[static_cast<size_t>(axis)];
-      if (at > 0) AddRows(row, TileRow(grad, axis), factor * at, 1, count, row);
-    }
-  }
+  ForRooms(field_.num_key_points, [&](int64_t i, int64_t axis, float corner) {
+    float* const row = TileRow(grad_weights, i);
+    AddRows(row, TileRow(grad, axis), factor * corner, 1, count, row);
+  });
 }
 
 void FieldKernel::ScaleByWindows(int64_t count, float* local_features) const {

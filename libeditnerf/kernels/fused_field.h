@@ -32,8 +32,8 @@ inline int64_t RoomsFor(int64_t num_key_points) {
   return rooms;
 }
 inline std::array<float, 3> RoomOf(int64_t i, int64_t rooms) {
-  return {static_cast<float>(i % rooms), static_cast<float>(i / rooms % rooms),
-          static_cast<float>(i / (rooms * rooms))};
+  const int64_t x = i % rooms, y = i / rooms % rooms, z = i / (rooms * rooms);
+  return {static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)};
 }
 
 // Tensors are float32, contiguous, on the CPU, and the module's own: kernels read and differentiate them in place.

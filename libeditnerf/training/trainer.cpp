@@ -15,6 +15,7 @@
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/phase_clock.h"
 #include "libeditnerf/base/progress.h"
+#include "libeditnerf/training/adam_groups.h"
 #include "libeditnerf/training/drawn_states.h"
 #include "libeditnerf/training/losses.h"
 #include "libeditnerf/training/schedule.h"
@@ -49,37 +50,6 @@ const StageConfig& StageOf(const Run& run) {
   return run.stage == FieldStage::kPretrain ? run.config.pretrain : run.config.train;
 }
 
-bool Contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
-
-// The networks that bend, slice and divide space. At the rate of the hash encodings' small networks their neurons can
-// die: the ambient coordinates of a scene that moves then become one constant.
-bool IsShape(const std::string& name) {
-  return name.rfind("warp.", 0) == 0 || name.rfind("slicing.", 0) == 0 || name.rfind("weights.", 0) == 0 ||
-         name.rfind("local_frames.", 0) == 0;
-}
-
-std::vector<AdamGroup> Groups(const HyperspaceField& field, const StageConfig& stage) {
-  AdamGroup networks, shape, tables, codes, key_points;
-  shape.learning_rate_factor = stage.shape_learning_rate;
-  tables.skip_untouched = true;
-  codes.learning_rate_factor = stage.code_learning_rate;
-  key_points.learning_rate_factor = stage.key_point_learning_rate;
-  for (const auto& item : field.named_parameters()) {
-    AdamGroup& group = Contains(item.key(), "codes.")        ? codes
-                       : Contains(item.key(), "key_points.") ? key_points
-                       : Contains(item.key(), "_table")      ? tables
-                       : IsShape(item.key())                 ? shape
-                                                             : networks;
-    group.parameters.emplace_back(item.key(), item.value());
-  }
-  return {networks, shape, tables, codes, key_points};
-}
-
-AdamOptions OptionsOf(const Config& config) {
-  // The paper's networks take Adam's usual constants, hash encodings those of Mueller et al. (2022).
-  return config.field.kind == "fast" ? AdamOptions{0.9, 0.99, 1e-15} : AdamOptions{0.9, 0.999, 1e-8};
-}
-
 }  // namespace
 
 Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision> supervision,
@@ -90,7 +60,7 @@ Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision>
       folder_(std::move(folder)),
       rays_(scene, scene.train, run_.device),
       held_out_(scene, kHeldOutRays, run_.device),
-      adam_(Groups(*run_.field, stage_), OptionsOf(run_.config)) {
+      adam_(AdamGroupsFor(*run_.field, stage_), AdamOptionsFor(run_.config)) {
   if (supervision_) {
     supervision_->flow = supervision_->flow.to(run_.device);
     supervision_->depth = supervision_->depth.to(run_.device);

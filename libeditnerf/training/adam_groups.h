@@ -1,0 +1,18 @@
+// Which of a field's parameters learn together, and how.
+#pragma once
+
+#include <vector>
+
+#include "libeditnerf/config/config.h"
+#include "libeditnerf/field/hyperspace_field.h"
+#include "libeditnerf/training/adam.h"
+
+namespace editnerf {
+
+// Networks, the networks that shape space, hash tables, per-frame codes and key points, each at the stage's rate for
+// it.
+std::vector<AdamGroup> AdamGroupsFor(const HyperspaceField& field, const StageConfig& stage);
+
+AdamOptions AdamOptionsFor(const Config& config);
+
+}  // namespace editnerf
