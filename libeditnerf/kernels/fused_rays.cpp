@@ -203,7 +203,7 @@ at::Tensor FusedDensity(const FieldKernel& field, const at::Tensor& x, const at:
   CheckShape(x, {kAny, 3}, "fused density x");
   CheckShape(state, {x.size(0)}, "fused density state");
   const at::Tensor points = x.to(at::kFloat).contiguous(), states = state.contiguous();
-  const at::Tensor density = at::empty({x.size(0)}, at::kFloat);
+  at::Tensor density = at::empty({x.size(0)}, at::kFloat);
   const float* const in = points.data_ptr<float>();
   const int64_t* const from = states.data_ptr<int64_t>();
   float* const out = density.data_ptr<float>();

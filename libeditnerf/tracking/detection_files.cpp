@@ -105,7 +105,7 @@ torch::Tensor ReadPartTurns(const fs::path& folder, int64_t frames, int64_t key_
   if (!fs::exists(path)) return {};
   SafetensorsFile file = ReadSafetensors(path);
   if (file.tensors.count("turns") == 0) Throw<DataError>("{}: found no tensor \"turns\"", path.string());
-  const torch::Tensor turns = file.tensors["turns"];
+  torch::Tensor turns = file.tensors["turns"];
   if (turns.scalar_type() != torch::kFloat32 || turns.sizes() != torch::IntArrayRef({frames, key_points, 3})) {
     Throw<DataError>("{}: expected turns float32 [{}, {}, 3], found {}; detect again", path.string(), frames,
                      key_points, ShapeString(turns));

@@ -146,7 +146,8 @@ FrameStates Trainer::AllStates() const {
 
 torch::Tensor Trainer::DrawStates(RayTargets* batch) {
   const torch::NoGradGuard no_grad;
-  const torch::Tensor known = AllStates().key_points, drawn = DrawKeyPoints(known, batch->carrier);
+  const torch::Tensor known = AllStates().key_points;
+  torch::Tensor drawn = DrawKeyPoints(known, batch->carrier);
   const int64_t first = batch->frame.size(0) - batch->drawn;
   const torch::Tensor carrier = batch->carrier.clamp_min(0), row = torch::arange(batch->drawn, batch->frame.options());
   const torch::Tensor shift = drawn.index({row, carrier}) - known.index({batch->frame.slice(0, first), carrier});
