@@ -35,7 +35,8 @@ DepthTargets ReadDepthTargets(const std::filesystem::path& path, int64_t frames,
                               int64_t key_points) {
   SafetensorsFile file = ReadSafetensors(path);
   for (const char* name : {"frame", "pixel", "distance", "tolerance", "key_point"})
-    if (file.tensors.count(name) == 0) Throw<DataError>("{}: found no tensor \"{}\"", path.string(), name);
+    if (file.tensors.count(name) == 0)
+      Throw<DataError>("{}: found no tensor \"{}\"; detect again", path.string(), name);
   DepthTargets targets = {file.tensors["frame"], file.tensors["pixel"], file.tensors["distance"],
                           file.tensors["tolerance"], file.tensors["key_point"]};
   const int64_t count = targets.distance.numel();

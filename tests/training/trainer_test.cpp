@@ -19,17 +19,19 @@ namespace {
 
 namespace fs = std::filesystem;
 
+Scene SmallScene(const char* name, int64_t frames, int64_t width) {
+  SyntheticOptions options;
+  options.frames = frames;
+  options.val_frames = 2;
+  options.edit_frames = 0;
+  options.width = width;
+  options.height = width * 9 / 16;
+  options.samples_per_side = 2;
+  return MakeSyntheticScene(name, options);
+}
+
 const Scene& TinyScene() {
-  static const Scene scene = [] {
-    SyntheticOptions options;
-    options.frames = 8;
-    options.val_frames = 2;
-    options.edit_frames = 0;
-    options.width = 32;
-    options.height = 18;
-    options.samples_per_side = 2;
-    return MakeSyntheticScene("hinge", options);
-  }();
+  static const Scene scene = SmallScene("hinge", 8, 32);
   return scene;
 }
 
@@ -147,14 +149,7 @@ TEST_CASE("what stands still is learnt under key points that no frame has") {
 }
 
 TEST_CASE("what a part shows is learnt where it was at other times") {
-  SyntheticOptions options;
-  options.frames = 10;
-  options.val_frames = 0;
-  options.edit_frames = 0;
-  options.width = 48;
-  options.height = 27;
-  options.samples_per_side = 2;
-  const Scene scene = MakeSyntheticScene("cups", options);
+  const Scene scene = SmallScene("cups", 10, 48);
   const torch::Tensor train = torch::tensor(scene.train, torch::kInt64);
   const torch::Tensor tracks = scene.truth->scene_from_object.index_select(0, train).slice(2, 0, 3).select(3, 3).to(
       torch::kFloat32);  // [T, 2, 3], the cups' own origins
