@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "libeditnerf/base/percentile.h"
+#include "libeditnerf/tracking/part_reversal.h"
 #include "libeditnerf/tracking/part_scale.h"
 #include "libeditnerf/tracking/stillness.h"
 
@@ -136,20 +137,48 @@ bool PartFit::SolveOnTheWay() { return Solve(kFewPoints, kFewIterations); }
 bool PartFit::SolveAtLast() { return Solve(kMostPoints, options_.iterations); }
 
 bool PartFit::Solve(size_t most_points, int iterations) {
-  std::vector<PartPoint> rest;
-  if (part_.points.size() > most_points) {
-    std::stable_sort(part_.points.begin(), part_.points.end(),
-                     [&](const PartPoint& a, const PartPoint& b) { return Observations(a) > Observations(b); });
-    rest.assign(part_.points.begin() + static_cast<int64_t>(most_points), part_.points.end());
-    part_.points.resize(most_points);
-  }
+  const std::vector<PartPoint> rest = SetAside(most_points);
+  SolvePoints(iterations);
+  return TakeBack(rest);
+}
+
+// Leaves the points with the longest tracks, and returns the others.
+std::vector<PartPoint> PartFit::SetAside(size_t most_points) {
+  if (part_.points.size() <= most_points) return {};
+  std::stable_sort(part_.points.begin(), part_.points.end(),
+                   [&](const PartPoint& a, const PartPoint& b) { return Observations(a) > Observations(b); });
+  const std::vector<PartPoint> rest(part_.points.begin() + static_cast<int64_t>(most_points), part_.points.end());
+  part_.points.resize(most_points);
+  return rest;
+}
+
+std::optional<double> PartFit::SolvePoints(int iterations) {
   PartSolverOptions options = options_;
   options.iterations = iterations;
-  SolvePart(clip_, tracks_, options, SeenFrames(part_), &part_);
+  const std::optional<double> cost = SolvePart(clip_, tracks_, options, SeenFrames(part_), &part_);
   UpdatePlacements();
-  for (PartPoint& point : rest)
+  return cost;
+}
+
+// Of the points set aside those that follow; false where too few points are left.
+bool PartFit::TakeBack(const std::vector<PartPoint>& rest) {
+  for (PartPoint point : rest)
     if (Triangulate(&point)) part_.points.push_back(point);
   return Prune();
+}
+
+bool PartFit::TryInsideOut() {
+  const std::vector<PartPoint> rest = SetAside(kFewPoints);
+  const std::optional<double> cost = SolvePoints(options_.iterations);
+  const RigidPart upright = part_;
+  part_ = InsideOut(clip_, part_);
+  UpdatePlacements();
+  const std::optional<double> reversed = SolvePoints(options_.iterations);
+  const bool better = cost && reversed && *reversed < *cost;
+  if (!better) part_ = upright;
+  UpdatePlacements();
+  TakeBack(rest);
+  return better;
 }
 
 void PartFit::UpdatePlacement(int64_t t) {

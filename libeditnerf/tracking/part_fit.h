@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "libeditnerf/tracking/part_solver.h"
@@ -31,6 +32,10 @@ class PartFit {
   // left.
   bool SolveOnTheWay();
   bool SolveAtLast();
+
+  // Solves from the part turned inside out too (part_reversal.h), keeps what leaves the lower cost, and says whether
+  // that is the other: a solution that has fallen into the wrong one does not come out of it.
+  bool TryInsideOut();
 
   // Leaves all rotations out where the tracks are explained about as well without them, and says whether it did. What
   // else they would explain is flow's errors.
@@ -74,6 +79,9 @@ class PartFit {
   int64_t Observations(const PartPoint& point) const;
   double MeanMiss() const;
   bool Solve(size_t most_points, int iterations);
+  std::vector<PartPoint> SetAside(size_t most_points);
+  std::optional<double> SolvePoints(int iterations);
+  bool TakeBack(const std::vector<PartPoint>& rest);
   bool Prune();
   void UpdatePlacement(int64_t t);
   void UpdatePlacements();

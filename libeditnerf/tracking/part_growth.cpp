@@ -16,6 +16,7 @@ constexpr size_t kSeedTracks = 24;                // the nearest
 constexpr size_t kLeastTracks = 6;                // around the seed
 constexpr double kAdjacent = 16;                  // pixels at 320 wide, to a point of the part
 constexpr int kBlock = 8;                         // frames added at each end between solutions
+constexpr size_t kFirstReversal = 20;             // known frames from which the part is tried inside out
 constexpr int64_t kLeastOverlap = 6;              // known frames of a track that joins
 constexpr double kLeastGainToJoin = 1;            // of a track, over stillness
 constexpr int64_t kLookEvery = 5, kLookFrom = 5;  // lost frames looked at, and frames looked from
@@ -79,6 +80,11 @@ class Growth {
       grows = false;
       for (int i = 0; i < kBlock; ++i) grows = GrowByAFrame() || grows;
       if (!fit_.SolveOnTheWay()) return false;
+      const size_t known = SeenFrames(part()).size();
+      if (known >= try_inside_out_) {
+        try_inside_out_ = 2 * known;
+        fit_.TryInsideOut();
+      }
       Join();
     }
     return true;
@@ -207,6 +213,7 @@ class Growth {
   PartFit fit_;
   std::vector<int64_t> refused_;  // per track: frames in which it did not follow the part; 0: not asked yet
   std::vector<bool> looked_;      // T: looked for again
+  size_t try_inside_out_ = kFirstReversal;
 };
 
 }  // namespace

@@ -117,7 +117,8 @@ class Solver {
     for (PartPoint& point : part_.points) Hold(point.position.data());
   }
 
-  bool Run(ceres::LinearSolverType type, int iterations) {
+  // The cost that is left; empty where the solution is of no use.
+  std::optional<double> Run(ceres::LinearSolverType type, int iterations) {
     ceres::Solver::Options solver;
     solver.linear_solver_type = type;
     if (ceres::IsSparseLinearAlgebraLibraryTypeAvailable(ceres::EIGEN_SPARSE))
@@ -127,7 +128,8 @@ class Solver {
     solver.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(solver, &problem_, &summary);
-    return summary.IsSolutionUsable();
+    if (!summary.IsSolutionUsable()) return std::nullopt;
+    return summary.final_cost;
   }
 
   double* Rotation(int64_t t) { return part_.pose[At(t)].rotation.data(); }
@@ -157,18 +159,18 @@ bool SolvePose(const Clip& clip, const std::vector<FlowTrack>& tracks, const Par
   return false;
 }
 
-bool SolvePart(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options,
-               const std::vector<int64_t>& frames, RigidPart* part) {
+std::optional<double> SolvePart(const Clip& clip, const std::vector<FlowTrack>& tracks,
+                                const PartSolverOptions& options, const std::vector<int64_t>& frames, RigidPart* part) {
   const RigidPart before = *part;
   Solver solver(clip, tracks, options, part);
-  if (solver.AddPixels(frames) < 3) return false;
+  if (solver.AddPixels(frames) < 3) return std::nullopt;
   solver.AddSmoothness(frames);
   solver.AddShape();
   solver.HoldPose(part->reference);
   if (!options.turns) solver.HoldTurns(frames);
-  if (solver.Run(ceres::DENSE_SCHUR, options.iterations)) return true;
-  *part = before;
-  return false;
+  const std::optional<double> cost = solver.Run(ceres::DENSE_SCHUR, options.iterations);
+  if (!cost) *part = before;
+  return cost;
 }
 
 }  // namespace editnerf

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "libeditnerf/tracking/clip.h"
@@ -28,8 +29,10 @@ struct PartSolverOptions {
 bool SolvePose(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options, int64_t t,
                int64_t towards, RigidPart* part);
 
-// The poses of the given frames, in time order, and all points; the reference frame's pose stays.
-bool SolvePart(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options,
-               const std::vector<int64_t>& frames, RigidPart* part);
+// The poses of the given frames, in time order, and all points; the reference frame's pose stays. Returns the cost that
+// is left (half the sum of squares), comparable among starts from the same tracks and frames; empty where fewer than
+// three pixels are known or nothing finite comes out.
+std::optional<double> SolvePart(const Clip& clip, const std::vector<FlowTrack>& tracks,
+                                const PartSolverOptions& options, const std::vector<int64_t>& frames, RigidPart* part);
 
 }  // namespace editnerf
