@@ -233,12 +233,17 @@ class Examiner {
       }
       if (t < frames) {
         track.position[At(t)] = clip_.Lift(t, pixels.pixel[At(t)], pixels.distance[At(t)]);
-        track.visible[At(t)] = true;
+        track.visible[At(t)] = !Covered(t, pixels.pixel[At(t)], pixels.distance[At(t)]);
       }
       before = t;
     }
     HoldUnseenEnds(pixels, &track);
     return track;
+  }
+
+  // Whether something nearer is in front. Flow may keep a point at the edge of what covers it, beside its own surface.
+  bool Covered(int64_t t, const Pixel& pixel, double distance) const {
+    return LocalDepth(clip_.depth[At(t)], pixel, 0) < distance * (1 - options_.depth_jump);
   }
 
   // Before the first and after the last visible frame the pixel is unknown, and the camera goes on: the scene point is
