@@ -147,7 +147,7 @@ std::vector<PartPoint> PartFit::SetAside(size_t most_points) {
   if (part_.points.size() <= most_points) return {};
   std::stable_sort(part_.points.begin(), part_.points.end(),
                    [&](const PartPoint& a, const PartPoint& b) { return Observations(a) > Observations(b); });
-  const std::vector<PartPoint> rest(part_.points.begin() + static_cast<int64_t>(most_points), part_.points.end());
+  std::vector<PartPoint> rest(part_.points.begin() + static_cast<int64_t>(most_points), part_.points.end());
   part_.points.resize(most_points);
   return rest;
 }
