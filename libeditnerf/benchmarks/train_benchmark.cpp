@@ -9,6 +9,7 @@
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/phase_clock.h"
 #include "libeditnerf/benchmarks/timing.h"
+#include "libeditnerf/kernels/kernel_use.h"
 #include "libeditnerf/training/memory_plan.h"
 #include "libeditnerf/training/trainer.h"
 
@@ -57,6 +58,20 @@ Medians MediansOf(const std::vector<StepCosts>& all) {
           MedianOf(all, [](const StepCosts& c) { return c.samples / c.rays; })};
 }
 
+struct Ratios {
+  double processor, clock;
+};
+
+// Medians over the turns of a sample's cost, over that of the other's in the same turn.
+Ratios RatiosOf(const std::vector<StepCosts>& slow, const std::vector<StepCosts>& fast) {
+  std::vector<double> processor, clock;
+  for (size_t i = 0; i < slow.size(); ++i) {
+    processor.push_back(slow[i].processor / slow[i].samples / (fast[i].processor / fast[i].samples));
+    clock.push_back(slow[i].seconds / slow[i].samples / (fast[i].seconds / fast[i].samples));
+  }
+  return {Median(processor), Median(clock)};
+}
+
 Json ToJson(const Medians& m) {
   return {{"samples_per_second", m.samples_per_second},
           {"rays_per_second", m.rays_per_second},
@@ -91,24 +106,30 @@ BenchmarkResult RunTrainBenchmark(const BenchScene& bench, const Config& config,
   by_modules.field.fast.kernel = "modules";
   Trainer fused(CopyRun(warm, config, bench), bench.scene, std::nullopt, {});
   Trainer modules(CopyRun(warm, by_modules, bench), bench.scene, std::nullopt, {});
-  fused.Step(), modules.Step();  // sizes settle
-  std::vector<StepCosts> fused_costs, module_costs;
-  std::vector<double> ratios;
+  Trainer plain(CopyRun(warm, by_modules, bench), bench.scene, std::nullopt, {});
+  const auto measure_plainly = [&plain] {
+    const PlainOperations only;
+    return Measure(plain, 1);
+  };
+  fused.Step(), modules.Step(), measure_plainly();  // sizes settle
+  std::vector<StepCosts> fused_costs, module_costs, plain_costs;
   for (int64_t i = 0; i < options.repeats; ++i) {
     fused_costs.push_back(Measure(fused, options.steps));
     module_costs.push_back(Measure(modules, std::max<int64_t>(1, options.steps / kModuleStepsShare)));
-    ratios.push_back(module_costs.back().processor / module_costs.back().samples /
-                     (fused_costs.back().processor / fused_costs.back().samples));
+    plain_costs.push_back(measure_plainly());
   }
   StartPhaseClock();
   const StepCosts clocked = Measure(fused, options.steps);
   const PhaseSeconds phases = StopPhaseClock();
 
-  const Medians fused_medians = MediansOf(fused_costs), module_medians = MediansOf(module_costs);
+  const Medians fused_medians = MediansOf(fused_costs), module_medians = MediansOf(module_costs),
+                plain_medians = MediansOf(plain_costs);
+  const Ratios over_modules = RatiosOf(module_costs, fused_costs), over_plain = RatiosOf(plain_costs, fused_costs);
   BenchmarkResult result;
-  result.tables.push_back({fmt::format("training steps of {}", bench.source),
-                           {"", "samples/s", "rays/s", "samples/ray", "ms/step", "processor ns/sample"},
-                           {Row("fused", fused_medians), Row("modules", module_medians)}});
+  result.tables.push_back(
+      {fmt::format("training steps of {}", bench.source),
+       {"", "samples/s", "rays/s", "samples/ray", "ms/step", "processor ns/sample"},
+       {Row("fused", fused_medians), Row("modules", module_medians), Row("plain LibTorch", plain_medians)}});
   BenchmarkTable split;
   result.json = {{"scene", bench.source},
                  {"stage", options.stage == FieldStage::kPretrain ? "pretrain" : "train"},
@@ -116,14 +137,19 @@ BenchmarkResult RunTrainBenchmark(const BenchScene& bench, const Config& config,
                  {"steps_before", options.warm_up},
                  {"fused", ToJson(fused_medians)},
                  {"modules", ToJson(module_medians)},
-                 {"ratio", Median(ratios)},
+                 {"plain", ToJson(plain_medians)},
+                 {"ratio", over_modules.processor},
+                 {"ratio_to_plain", over_plain.processor},
+                 {"ratio_to_plain_by_the_clock", over_plain.clock},
                  {"memory_plan", MemoryJson(plan)}};
   const double seconds = clocked.seconds * static_cast<double>(options.steps * NumThreads());
   result.json["phases"] = PhaseShares(phases, seconds, &split);
   split.title = "where the threads' time goes (fused)";
   result.tables.push_back(split);
   result.tables.push_back(
-      {fmt::format("fused is {:.2f} times as fast as modules, by processor time; {}", Median(ratios), ToText(plan)),
+      {fmt::format("fused is {:.2f} times as fast as modules by processor time, and {:.1f} times as "
+                   "fast as plain LibTorch ({:.1f} by the clock); {}",
+                   over_modules.processor, over_plain.processor, over_plain.clock, ToText(plan)),
        {},
        {}});
   return result;

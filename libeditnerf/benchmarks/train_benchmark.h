@@ -9,13 +9,14 @@ namespace editnerf {
 struct TrainBenchmark {
   FieldStage stage = FieldStage::kTrain;
   int64_t warm_up = 400;  // steps before anything is measured, so that surfaces have formed
-  int64_t steps = 48;     // of a measurement in the fused pass; a sixth as many module by module
+  int64_t steps = 48;     // of a measurement in the fused pass; module by module a sixth as many, plain one
   int64_t repeats = 3;
   torch::Device device = torch::kCPU;
 };
 
-// From one trained state: samples and rays a second by the clock, processor time of a sample, by turns in the fused
-// pass and module by module; and the shares of the fused pass's phases, of the time of all threads together.
+// From one trained state, by turns in the fused pass, module by module with the modules' kernels, and in plain LibTorch
+// operations alone (autograd, gathers and matrix products): samples and rays a second by the clock, and processor time
+// of a sample; and the shares of the fused pass's phases, of the time of all threads together.
 BenchmarkResult RunTrainBenchmark(const BenchScene& bench, const Config& config, const TrainBenchmark& options);
 
 struct GrowthBenchmark {

@@ -7,6 +7,7 @@
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/kernels/harmonics.h"
+#include "libeditnerf/kernels/kernel_use.h"
 
 namespace editnerf {
 
@@ -14,7 +15,7 @@ static_assert(kNumSphericalHarmonics == kNumHarmonics);
 
 at::Tensor SphericalHarmonics(const at::Tensor& direction) {
   CheckShape(direction, {kAny, 3}, "spherical harmonics direction");
-  if (direction.requires_grad() || !direction.device().is_cpu() || direction.scalar_type() != at::kFloat) {
+  if (direction.requires_grad() || !KernelsTake(direction)) {
     const at::Tensor x = direction.select(1, 0), y = direction.select(1, 1), z = direction.select(1, 2);
     const auto functions = Harmonics<at::Tensor>(x, y, z, at::ones_like(x));
     return at::stack(at::TensorList(functions.data(), functions.size()), 1);

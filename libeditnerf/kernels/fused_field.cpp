@@ -5,14 +5,13 @@
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/kernels/harmonics.h"
+#include "libeditnerf/kernels/kernel_use.h"
 #include "libeditnerf/kernels/sinusoids.h"
 
 namespace editnerf {
 namespace {
 
-bool IsPlain(const at::Tensor& tensor) {
-  return !tensor.defined() || (tensor.is_cpu() && tensor.scalar_type() == at::kFloat && tensor.is_contiguous());
-}
+bool IsPlain(const at::Tensor& tensor) { return KernelsTake(tensor) && (!tensor.defined() || tensor.is_contiguous()); }
 
 bool IsPlain(const MlpLayers& layers) {
   const auto plain = [](const at::Tensor& tensor) { return IsPlain(tensor); };

@@ -12,6 +12,7 @@
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/kernels/dense_product.h"
+#include "libeditnerf/kernels/kernel_use.h"
 
 namespace editnerf {
 namespace {
@@ -323,7 +324,7 @@ void Check(const std::vector<at::Tensor>& inputs, const MlpLayers& layers) {
 }  // namespace
 
 bool CanFuseMlp(const std::vector<at::Tensor>& inputs, const MlpLayers& layers) {
-  const auto fits = [](const at::Tensor& t) { return t.device().is_cpu() && t.scalar_type() == at::kFloat; };
+  const auto fits = [](const at::Tensor& t) { return KernelsTake(t); };
   const auto flat = [&](const at::Tensor& t) { return fits(t) && t.dim() == 2; };
   return std::all_of(inputs.begin(), inputs.end(), flat) &&
          std::all_of(layers.weights.begin(), layers.weights.end(), fits) &&

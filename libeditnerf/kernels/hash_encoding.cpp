@@ -11,6 +11,7 @@
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/kernels/hash_index.h"
 #include "libeditnerf/kernels/hash_level.h"
+#include "libeditnerf/kernels/kernel_use.h"
 
 namespace editnerf {
 namespace {
@@ -331,7 +332,7 @@ void Check(const at::Tensor& x, const at::Tensor& table, const std::vector<int64
 
 at::Tensor HashEncode(const at::Tensor& x, const at::Tensor& table, const std::vector<int64_t>& resolutions) {
   Check(x, table, resolutions);
-  if (!x.device().is_cpu()) return HashEncodeReference(x, table, resolutions);
+  if (!x.device().is_cpu() || PlainOperations::Wanted()) return HashEncodeReference(x, table, resolutions);
   return HashEncodeFunction::apply(x, table, resolutions);
 }
 

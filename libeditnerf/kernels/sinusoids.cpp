@@ -7,6 +7,7 @@
 
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/kernels/kernel_use.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "libeditnerf/kernels/sinusoids.cpp"  // compiled once for every target
@@ -128,7 +129,7 @@ class SinusoidsFunction : public torch::autograd::Function<SinusoidsFunction> {
 }  // namespace
 
 bool CanEncodeSinusoids(const at::Tensor& x, const std::vector<float>& weights) {
-  return x.device().is_cpu() && x.scalar_type() == at::kFloat && x.dim() == 2 && x.size(1) <= kTile &&
+  return KernelsTake(x) && x.dim() == 2 && x.size(1) <= kTile &&
          static_cast<int64_t>(weights.size()) <= kMostFusedOctaves;
 }
 

@@ -3,19 +3,13 @@
 #include <torch/torch.h>
 
 #include <algorithm>
-#include <initializer_list>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/kernels/kernel_use.h"
 
 namespace editnerf {
 namespace {
-
-bool AreFloats(std::initializer_list<torch::Tensor> tensors) {
-  return std::all_of(tensors.begin(), tensors.end(), [](const torch::Tensor& tensor) {
-    return !tensor.defined() || (tensor.is_cpu() && tensor.scalar_type() == torch::kFloat32);
-  });
-}
 
 torch::Tensor Floats(const torch::Tensor& tensor) { return tensor.to(torch::kCPU, torch::kFloat32).contiguous(); }
 
@@ -72,7 +66,8 @@ torch::Tensor RowsOf(const torch::Tensor& colors, int64_t count, const char* nam
 }  // namespace
 
 bool FusedMarching::Takes(const std::optional<FusedField>& field, const RayBatch& rays, const FrameStates& states) {
-  return field && AreFloats({rays.origin, rays.direction, states.key_points, states.warp_code, states.appearance_code});
+  return field &&
+         KernelsTake({rays.origin, rays.direction, states.key_points, states.warp_code, states.appearance_code});
 }
 
 RayResult FusedMarching::Render(const FusedField& field, const RayBatch& rays, const FusedStates& states,

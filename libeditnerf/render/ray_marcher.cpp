@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/kernels/kernel_use.h"
 #include "libeditnerf/kernels/packed_compositing.h"
 #include "libeditnerf/render/compositing.h"
 
@@ -138,8 +139,9 @@ PackedSamples MarchUntilOpaque(const PackedSamples& samples, double early_stop,
 MarchedPicture CompositeSamples(const PackedSamples& samples, const torch::Tensor& density,
                                 const torch::Tensor& radiance, const torch::Tensor& background, bool with_distortion) {
   const auto type = density.scalar_type();
-  const bool packed = density.is_cpu() && (type == torch::kFloat32 || type == torch::kFloat64) &&
-                      samples.delta.scalar_type() == type && (!radiance.defined() || radiance.scalar_type() == type);
+  const bool packed = density.is_cpu() && !PlainOperations::Wanted() &&
+                      (type == torch::kFloat32 || type == torch::kFloat64) && samples.delta.scalar_type() == type &&
+                      (!radiance.defined() || radiance.scalar_type() == type);
   if (!packed) return CompositePadded(samples, density, radiance, background, with_distortion);
   const auto seen = CompositePacked(density, samples.delta, samples.offsets, radiance,
                                     background.defined() ? background.to(density.options()) : background);

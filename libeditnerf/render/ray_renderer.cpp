@@ -3,11 +3,11 @@
 #include <torch/torch.h>
 
 #include <algorithm>
-#include <initializer_list>
 #include <vector>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/kernels/kernel_use.h"
 #include "libeditnerf/kernels/ray_cursor.h"
 #include "libeditnerf/render/sampling.h"
 
@@ -112,12 +112,6 @@ torch::Tensor DepthMiss(const torch::Tensor& weights, const torch::Tensor& t, co
   return (weights * miss).sum();
 }
 
-bool AreFloats(std::initializer_list<torch::Tensor> tensors) {
-  return std::all_of(tensors.begin(), tensors.end(), [](const torch::Tensor& tensor) {
-    return !tensor.defined() || (tensor.is_cpu() && tensor.scalar_type() == torch::kFloat32);
-  });
-}
-
 OccupancyBits BitsOf(const OccupancyGrid& grid, int64_t resolution) {
   const auto buffers = grid.named_buffers(/*recurse=*/false);
   return {buffers["low"], buffers["high"], buffers["occupied"], resolution};
@@ -204,7 +198,7 @@ PackedSamples RayRenderer::March(RadianceField& field, const RayBatch& rays, con
     turn = field.LocalFramesOf(states.key_points);
     if (turn.defined()) turn = turn.select(1, 0).index_select(0, rays.state);
   }
-  if (AreFloats({rays.origin, rays.direction, jitter, anchor, turn})) {
+  if (KernelsTake({rays.origin, rays.direction, jitter, anchor, turn})) {
     return MarchRays({rays.origin, rays.direction, jitter, anchor, turn}, near_, far_, marching.steps, marching.grid,
                      marching.local_grid ? &*marching.local_grid : nullptr);
   }

@@ -5,6 +5,7 @@
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/kernels/adam_step.h"
+#include "libeditnerf/kernels/kernel_use.h"
 
 namespace editnerf {
 namespace {
@@ -14,9 +15,7 @@ struct Update {
   double correction1, correction2;  // 1 - beta^steps
 };
 
-bool IsPlain(const torch::Tensor& tensor) {
-  return tensor.is_cpu() && tensor.scalar_type() == torch::kFloat32 && tensor.is_contiguous();
-}
+bool IsPlain(const torch::Tensor& tensor) { return KernelsTake(tensor) && tensor.is_contiguous(); }
 
 void StepAnywhere(const Update& u, bool skip_untouched, const torch::Tensor& gradient, torch::Tensor& parameter,
                   torch::Tensor& first, torch::Tensor& second) {

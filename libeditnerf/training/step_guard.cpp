@@ -5,13 +5,13 @@
 #include <cmath>
 
 #include "libeditnerf/kernels/adam_step.h"
+#include "libeditnerf/kernels/kernel_use.h"
 
 namespace editnerf {
 namespace {
 
 torch::Tensor Norm(const torch::Tensor& gradient) {
-  const bool plain = gradient.is_cpu() && gradient.scalar_type() == torch::kFloat32 && gradient.is_contiguous();
-  if (!plain) return gradient.norm().to(torch::kFloat64);
+  if (!KernelsTake(gradient) || !gradient.is_contiguous()) return gradient.norm().to(torch::kFloat64);
   return torch::tensor(std::sqrt(SumOfSquares(gradient.data_ptr<float>(), gradient.numel())), torch::kFloat64);
 }
 
