@@ -19,7 +19,9 @@ void Describe(const Clip& clip, const MovingParts& moving, Detection* detection)
     detection->notes.push_back(fmt::format(
         "a rigid part with {} points, seen at {} pixels in {} of {} frames, goes {:.0f} pixels at 320 wide{}",
         part.body.points.size(), part.body.observations, SeenFrames(part.body).size(), clip.num_frames(), part.range,
-        part.body.turns ? " and turns" : ""));
+        part.body.hinged  ? " on a hinge"
+        : part.body.turns ? " and turns"
+                          : ""));
   }
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "libeditnerf/base/percentile.h"
+#include "libeditnerf/tracking/part_hinge.h"
 #include "libeditnerf/tracking/part_reversal.h"
 #include "libeditnerf/tracking/part_scale.h"
 #include "libeditnerf/tracking/stillness.h"
@@ -20,9 +21,11 @@ constexpr int64_t kLeastSeen = 4;                    // points in a frame
 constexpr int64_t kLeastOverlap = 6;                 // known frames of a track that is to be triangulated
 constexpr size_t kFewPoints = 40, kMostPoints = 90;  // in a solution on the way, and in the last ones
 constexpr int kFewIterations = 15;
-constexpr double kNearest = 0.75, kFarthest = 1.33;  // of a point, as a share of the part's distance
-constexpr double kTurnsNeeded = 1.2;                 // times the mean miss: what leaving out the turns may cost
-constexpr double kKeptWithout = 0.9;                 // of the pixels that must go on to follow the part
+constexpr double kNearest = 0.75, kFarthest = 1.33;   // of a point, as a share of the part's distance
+constexpr double kTurnsNeeded = 1.2;                  // times the mean miss: what leaving out the turns may cost
+constexpr double kHingeCosts = 1.1;                   // likewise, what a hinge may cost; false ones cost 1.2
+constexpr double kHingeDistances[] = {0.8, 1, 1.25};  // times that of the part, from which a hinge is looked for
+constexpr double kKeptShare = 0.9;                    // of the pixels that must go on to follow the part
 
 size_t At(int64_t t) { return static_cast<size_t>(t); }
 
@@ -118,8 +121,7 @@ int64_t PartFit::Observations() const {
   return sum;
 }
 
-// Mean of the misses, none counted for more than an outlier.
-double PartFit::MeanMiss() const {
+PartFit::Follow PartFit::Following() const {
   double sum = 0;
   int64_t count = 0;
   for (const PartPoint& point : part_.points) {
@@ -130,7 +132,13 @@ double PartFit::MeanMiss() const {
       }
     }
   }
-  return sum / static_cast<double>(count);
+  return {Observations(), sum / static_cast<double>(std::max<int64_t>(count, 1))};
+}
+
+bool PartFit::FollowsLike(const Follow& other, double most_miss) const {
+  const Follow now = Following();
+  return now.miss < most_miss * other.miss &&
+         static_cast<double>(now.pixels) >= kKeptShare * static_cast<double>(other.pixels);
 }
 
 bool PartFit::SolveOnTheWay() { return Solve(kFewPoints, kFewIterations); }
@@ -259,19 +267,47 @@ void PartFit::Settle() {
 
 bool PartFit::LeaveOutTurns() {
   const RigidPart turning = part_;
-  const int64_t turned = Observations();
-  const double miss = MeanMiss();
+  const Follow before = Following();
   for (RigidPose& pose : part_.pose) pose.rotation = {0, 0, 0};
   options_.turns = false;
-  const bool solved = Solve(kMostPoints, options_.iterations);
-  if (solved && MeanMiss() < kTurnsNeeded * miss &&
-      static_cast<double>(Observations()) >= kKeptWithout * static_cast<double>(turned)) {
-    return true;
-  }
+  if (Solve(kMostPoints, options_.iterations) && FollowsLike(before, kTurnsNeeded)) return true;
   part_ = turning;
   options_.turns = true;
   UpdatePlacements();
   return false;
+}
+
+bool PartFit::PutOnHinge() {
+  const RigidPart free = part_;
+  const Follow before = Following();
+  const std::vector<PartPoint> rest = SetAside(kMostPoints);
+  if (const std::optional<RigidPart> hinged = OnBestHinge()) {
+    part_ = *hinged;
+    UpdatePlacements();
+    if (TakeBack(rest) && FollowsLike(before, kHingeCosts)) return true;
+  }
+  part_ = free;
+  UpdatePlacements();
+  return false;
+}
+
+// Free motion leaves the distance open, so that its hinge stands still at one distance only: several are begun from,
+// each solved twice, as the first time points are held to a centre at that distance.
+std::optional<RigidPart> PartFit::OnBestHinge() const {
+  const std::vector<int64_t> frames = SeenFrames(part_);
+  std::optional<RigidPart> best;
+  double least = INFINITY;
+  for (const double s : kHingeDistances) {
+    RigidPart trial = ScaledFromCameras(clip_, part_, s);
+    std::optional<Hinge> hinge = NearestHinge(trial, frames);
+    if (!hinge || !SolveHinge(clip_, tracks_, options_, frames, &*hinge, &trial)) continue;
+    const std::optional<double> cost = SolveHinge(clip_, tracks_, options_, frames, &*hinge, &trial);
+    if (!cost || *cost >= least) continue;
+    least = *cost;
+    best = trial;
+    best->hinged = true;
+  }
+  return best;
 }
 
 RigidPart PartFit::Finished() const {

@@ -41,6 +41,9 @@ class PartFit {
   // else they would explain is flow's errors.
   bool LeaveOutTurns();
 
+  // Puts the part on a hinge where the tracks are explained about as well so, and says whether it did.
+  bool PutOnHinge();
+
   // Moves the part to the distance at which it has the shortest way to go (part_scale.h).
   void Settle();
 
@@ -69,6 +72,10 @@ class PartFit {
     Mat3 turn;
     Vec3 center;
   };
+  struct Follow {
+    int64_t pixels;  // that follow
+    double miss;     // mean over all, none counted for more than an outlier
+  };
   struct Share {
     int64_t agree = 0, count = 0;
     bool Enough() const;
@@ -77,8 +84,10 @@ class PartFit {
   double Miss(const PartPoint& point, const FlowTrack& track, int64_t t) const;
   Share Agreement(const PartPoint& point, const FlowTrack& track) const;
   int64_t Observations(const PartPoint& point) const;
-  double MeanMiss() const;
+  Follow Following() const;
+  bool FollowsLike(const Follow& other, double most_miss) const;  // with at most so many times its mean miss
   bool Solve(size_t most_points, int iterations);
+  std::optional<RigidPart> OnBestHinge() const;
   std::vector<PartPoint> SetAside(size_t most_points);
   std::optional<double> SolvePoints(int iterations);
   bool TakeBack(const std::vector<PartPoint>& rest);

@@ -50,6 +50,8 @@ class Growth {
     if (fit_.LeaveOutTurns()) {
       Join();
       fit_.Settle();
+    } else if (fit_.PutOnHinge()) {
+      Join();
     }
     for (const PartPoint& point : part().points)
       for (const size_t i : point.tracks) taken_[i] = true;

@@ -1,6 +1,7 @@
 // One rigid part among the flow tracks, grown from a pixel: over the frames as structure from motion adds cameras, and
 // over the tracks around that follow the same motion. Where all its tracks have ended it is looked for again by direct
-// flow. At last its distance from the cameras is settled (part_scale.h) and turns are left out where it needs none.
+// flow. At last its distance from the cameras is settled (part_scale.h), and a simpler motion is taken where it
+// explains the tracks about as well: one without turns, or one on a hinge (part_hinge.h).
 #pragma once
 
 #include <optional>

@@ -7,13 +7,10 @@
 #include <cmath>
 
 #include "libeditnerf/tracking/cost_terms.h"
+#include "libeditnerf/tracking/part_costs.h"
 
 namespace editnerf {
 namespace {
-
-constexpr double kRobustScale = 1.5;     // standard deviations
-constexpr double kTotalVariation = 0.3;  // standard deviations from which motion counts by its length
-constexpr double kIndependent = 8;       // pixels that a track counts for at most: its errors go on from frame to frame
 
 size_t At(int64_t t) { return static_cast<size_t>(t); }
 
@@ -38,16 +35,6 @@ struct PixelTerm {
   }
 };
 
-struct DifferenceTerm {
-  double weight;
-
-  template <class T>
-  bool operator()(const T* a, const T* b, T* residual) const {
-    for (int i = 0; i < 3; ++i) residual[i] = T(weight) * (a[i] - b[i]);
-    return true;
-  }
-};
-
 class Solver {
  public:
   Solver(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options, RigidPart* part)
@@ -63,14 +50,12 @@ class Solver {
     for (PartPoint& point : part_.points) {
       for (const size_t i : point.tracks) {
         const FlowTrack& track = tracks_[i];
-        const double share = std::sqrt(std::min(1.0, kIndependent / static_cast<double>(track.pixel.size())));
         for (int64_t t = track.first; t < track.end(); ++t) {
           if (!wanted[At(t)]) continue;
           auto* term = new PixelTerm{clip_.cameras[At(t)], track.At(t), part_.center,
-                                     share / (options_.flow_pixels * clip_.PixelScale())};
-          problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<PixelTerm, 2, 3, 3, 3>(term),
-                                    new ceres::CauchyLoss(kRobustScale * share), Rotation(t), Translation(t),
-                                    point.position.data());
+                                     ShareOf(track) / (options_.flow_pixels * clip_.PixelScale())};
+          problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<PixelTerm, 2, 3, 3, 3>(term), PixelLoss(track),
+                                    Rotation(t), Translation(t), point.position.data());
           ++count;
         }
       }
@@ -83,20 +68,19 @@ class Solver {
     for (size_t i = 0; i + 1 < frames.size(); ++i) {
       const int64_t a = frames[i], b = frames[i + 1];
       AddTurn(a, b);
-      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<DifferenceTerm, 3, 3, 3>(
-                                    new DifferenceTerm{1 / (options_.shift_pixels * per_pixel_)}),
+      problem_.AddResidualBlock(DifferenceTerm<3>::New(1 / (options_.shift_pixels * per_pixel_)),
                                 new ceres::HuberLoss(kTotalVariation), Translation(a), Translation(b));
       if (i == 0 || frames[i - 1] != a - 1 || b != a + 1) continue;
       problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<SmoothnessTerm, 3, 3, 3, 3>(
                                     new SmoothnessTerm{1 / (options_.acceleration_pixels * per_pixel_)}),
-                                new ceres::HuberLoss(kRobustScale), Translation(a - 1), Translation(a), Translation(b));
+                                new ceres::HuberLoss(kRobustPixels), Translation(a - 1), Translation(a),
+                                Translation(b));
     }
   }
 
   void AddTurn(int64_t a, int64_t b) {
-    problem_.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<DifferenceTerm, 3, 3, 3>(new DifferenceTerm{1 / options_.turn}),
-        new ceres::HuberLoss(kTotalVariation), Rotation(a), Rotation(b));
+    problem_.AddResidualBlock(DifferenceTerm<3>::New(1 / options_.turn), new ceres::HuberLoss(kTotalVariation),
+                              Rotation(a), Rotation(b));
   }
 
   void AddShape() {
@@ -117,19 +101,8 @@ class Solver {
     for (PartPoint& point : part_.points) Hold(point.position.data());
   }
 
-  // The cost that is left; empty where the solution is of no use.
   std::optional<double> Run(ceres::LinearSolverType type, int iterations) {
-    ceres::Solver::Options solver;
-    solver.linear_solver_type = type;
-    if (ceres::IsSparseLinearAlgebraLibraryTypeAvailable(ceres::EIGEN_SPARSE))
-      solver.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-    solver.max_num_iterations = iterations;
-    solver.num_threads = 1;
-    solver.logging_type = ceres::SILENT;
-    ceres::Solver::Summary summary;
-    ceres::Solve(solver, &problem_, &summary);
-    if (!summary.IsSolutionUsable()) return std::nullopt;
-    return summary.final_cost;
+    return SolveSmall(&problem_, type, iterations);
   }
 
   double* Rotation(int64_t t) { return part_.pose[At(t)].rotation.data(); }

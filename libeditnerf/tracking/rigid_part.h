@@ -31,6 +31,7 @@ struct RigidPart {
   std::vector<PartPoint> points;  // those whose tracks follow the part
   int64_t observations = 0;       // pixels of those tracks that do
   bool turns = false;             // whether any pose has a rotation
+  bool hinged = false;            // whether it turns about one axis that stands still in the scene
 
   // Scene points in frame t of what lies at `position` in the reference frame, and back.
   Vec3 Place(int64_t t, const Vec3& position) const;

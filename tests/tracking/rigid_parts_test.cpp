@@ -5,6 +5,7 @@
 
 #include "libeditnerf/tracking/moving_parts.h"
 #include "libeditnerf/tracking/part_candidates.h"
+#include "libeditnerf/tracking/part_hinge.h"
 #include "libeditnerf/tracking/part_reversal.h"
 #include "libeditnerf/tracking/part_scale.h"
 #include "libeditnerf/tracking/part_solver.h"
@@ -115,6 +116,59 @@ TEST_CASE("a part that turns has its turns") {
   CHECK(part.points.size() >= 50);
   CHECK(part.turns);
   CHECK(WorstError(body, part, Turned) < 0.06);  // of a way of 0.23
+}
+
+// Turned()'s axis is (0, -1, 0) through (-0.15, y, 0).
+TEST_CASE("the hinge nearest to a part's poses has its axis, its place and its angles") {
+  RigidPart part;
+  part.center = {0.02, 0.03, 0.1};
+  part.pose.resize(kFrames);
+  std::vector<int64_t> frames;
+  Hinge hinge;
+  hinge.axis = Normalized({0.2, -1, 0.1}), hinge.through = {-0.15, 0.3, 0};
+  for (int64_t t = 0; t < kFrames; ++t) {
+    frames.push_back(t);
+    hinge.angle.push_back(0.02 * static_cast<double>(t - 20));
+  }
+  SetPoses(hinge, frames, &part);
+  CHECK(Norm(part.Place(20, {0.4, 0.1, 0.2}) - Vec3{0.4, 0.1, 0.2}) < 1e-12);
+  CHECK(Norm(part.Place(50, hinge.through) - hinge.through) < 1e-12);
+  const std::optional<Hinge> found = NearestHinge(part, frames);
+  REQUIRE(found);
+  const double sign = Dot(found->axis, hinge.axis) > 0 ? 1 : -1;
+  CHECK(Norm(sign * found->axis - hinge.axis) < 1e-9);
+  CHECK(Norm(Cross(found->through - hinge.through, hinge.axis)) < 1e-5);
+  for (int64_t t = 0; t < kFrames; ++t)
+    CHECK(sign * found->angle[static_cast<size_t>(t)] == Approx(hinge.angle[static_cast<size_t>(t)]).margin(1e-9));
+  for (RigidPose& pose : part.pose) pose.rotation = {0, 1e-3, 0};
+  CHECK_FALSE(NearestHinge(part, frames));
+}
+
+TEST_CASE("a part on a hinge is put on it, at its true distance") {
+  Body body(Turned);
+  const RigidPart part = body.Fit();
+  for (int64_t t = 0; t < kFrames; ++t) {
+    const Vec3 axis = {-0.15, 0.05, 0};
+    CHECK(Norm(part.Place(t, axis) - part.Place(20, axis)) < 0.01);
+  }
+  CHECK(WorstError(body, part, Turned) < 0.02);
+}
+
+TEST_CASE("a part that turns and goes elsewhere is not put on a hinge") {
+  const auto along = [](const Vec3& p, int64_t t) { return Turned(p, t) + 0.8 * Shift(t); };
+  Body body(along);
+  const RigidPart part = body.Fit();
+  CHECK(part.turns);
+  CHECK(WorstError(body, part, along) < 0.15);
+  const std::vector<int64_t> frames = SeenFrames(part);
+  const std::optional<Hinge> nearest = NearestHinge(part, frames);
+  REQUIRE(nearest);
+  RigidPart hinged = part;
+  SetPoses(*nearest, frames, &hinged);
+  double farthest = 0;
+  for (const int64_t t : frames)
+    farthest = std::max(farthest, Norm(hinged.Place(t, part.center) - part.Place(t, part.center)));
+  CHECK(farthest > 0.02);
 }
 
 TEST_CASE("scaling a part from the cameras changes no pixel") {

@@ -1,0 +1,152 @@
+#include "libeditnerf/tracking/part_hinge.h"
+
+#include <ceres/ceres.h>
+#include <ceres/rotation.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "libeditnerf/tracking/cost_terms.h"
+#include "libeditnerf/tracking/part_costs.h"
+
+namespace editnerf {
+namespace {
+
+constexpr double kLeastTurn = 0.1;  // radians, that a hinge can be told from
+constexpr double kGauge = 1e-2;     // of what the images leave open: the axis's length, and where on it is `through`
+
+size_t At(int64_t t) { return static_cast<size_t>(t); }
+Eigen::Vector3d ToEigen(const Vec3& v) { return {v.x, v.y, v.z}; }
+Vec3 FromEigen(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+Vec3 Turned(const Vec3& axis, double angle, const Vec3& v) {
+  const double rotation[3] = {angle * axis.x, angle * axis.y, angle * axis.z}, from[3] = {v.x, v.y, v.z};
+  double to[3];
+  ceres::AngleAxisRotatePoint(rotation, from, to);
+  return {to[0], to[1], to[2]};
+}
+
+// R(angle axis) (position - through) + through, projected.
+struct HingePixelTerm {
+  const Camera& camera;
+  Pixel pixel;
+  double weight;
+
+  template <class T>
+  bool operator()(const T* axis, const T* through, const T* angle, const T* position, T* residual) const {
+    using std::sqrt;
+    const T length = sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
+    T rotation[3], from[3], point[3], projected[2];
+    for (int i = 0; i < 3; ++i) {
+      rotation[i] = axis[i] * (angle[0] / length);
+      from[i] = position[i] - through[i];
+    }
+    ceres::AngleAxisRotatePoint(rotation, from, point);
+    for (int i = 0; i < 3; ++i) point[i] += through[i];
+    if (!ProjectPoint(camera, point, projected)) return false;
+    residual[0] = T(weight) * (projected[0] - T(pixel.u));
+    residual[1] = T(weight) * (projected[1] - T(pixel.v));
+    return true;
+  }
+};
+
+struct LengthTerm {
+  double weight;
+
+  template <class T>
+  bool operator()(const T* axis, T* residual) const {
+    residual[0] = T(weight) * (axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2] - T(1));
+    return true;
+  }
+};
+
+}  // namespace
+
+std::optional<Hinge> NearestHinge(const RigidPart& part, const std::vector<int64_t>& frames) {
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  double most = 0;
+  for (const int64_t t : frames) {
+    const Eigen::Vector3d turn = ToEigen(ToVec3(part.pose[At(t)].rotation));
+    spread += turn * turn.transpose();
+    most = std::max(most, turn.norm());
+  }
+  if (!(most > kLeastTurn)) return std::nullopt;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> directions(spread);
+  const Eigen::Vector3d axis = directions.eigenvectors().col(2);
+  Hinge hinge;
+  hinge.axis = FromEigen(axis);
+  hinge.angle.assign(part.pose.size(), 0);
+  // The centre goes by (I - R) (through - centre).
+  Eigen::Matrix3d normal = 1e-6 * Eigen::Matrix3d::Identity();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  for (const int64_t t : frames) {
+    const double angle = ToEigen(ToVec3(part.pose[At(t)].rotation)).dot(axis);
+    hinge.angle[At(t)] = angle;
+    const Eigen::Matrix3d left = Eigen::Matrix3d::Identity() - Eigen::AngleAxisd(angle, axis).toRotationMatrix();
+    normal += left.transpose() * left;
+    right += left.transpose() * ToEigen(ToVec3(part.pose[At(t)].translation));
+  }
+  hinge.through = part.center + FromEigen(normal.ldlt().solve(right));
+  return hinge;
+}
+
+void SetPoses(const Hinge& hinge, const std::vector<int64_t>& frames, RigidPart* part) {
+  for (const int64_t t : frames) {
+    const Vec3 center = hinge.through + Turned(hinge.axis, hinge.angle[At(t)], part->center - hinge.through);
+    part->pose[At(t)].rotation = ToArray(hinge.axis * hinge.angle[At(t)]);
+    part->pose[At(t)].translation = ToArray(center - part->center);
+  }
+}
+
+std::optional<double> SolveHinge(const Clip& clip, const std::vector<FlowTrack>& tracks,
+                                 const PartSolverOptions& options, const std::vector<int64_t>& frames, Hinge* hinge,
+                                 RigidPart* part) {
+  Hinge solved = *hinge;
+  std::vector<PartPoint> points = part->points;
+  std::array<double, 3> axis = ToArray(hinge->axis), through = ToArray(hinge->through);
+  const double distance = std::max(1e-6, Norm(part->center - clip.cameras[At(part->reference)].position));
+  std::vector<bool> wanted(At(clip.num_frames()), false);
+  for (const int64_t t : frames) wanted[At(t)] = true;
+  ceres::Problem problem;
+  const auto angle = [&solved](int64_t t) { return &solved.angle[At(t)]; };
+  for (PartPoint& point : points) {
+    for (const size_t i : point.tracks) {
+      const FlowTrack& track = tracks[i];
+      for (int64_t t = track.first; t < track.end(); ++t) {
+        if (!wanted[At(t)]) continue;
+        auto* term = new HingePixelTerm{clip.cameras[At(t)], track.At(t),
+                                        ShareOf(track) / (options.flow_pixels * clip.PixelScale())};
+        problem.AddResidualBlock(new ceres::AutoDiffCostFunction<HingePixelTerm, 2, 3, 3, 1, 3>(term), PixelLoss(track),
+                                 axis.data(), through.data(), angle(t), point.position.data());
+      }
+    }
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<AnchorTerm, 3, 3>(new AnchorTerm{part->center, 1 / (options.shape * distance)}),
+        nullptr, point.position.data());
+  }
+  if (!problem.HasParameterBlock(axis.data())) return std::nullopt;
+  for (size_t i = 0; i + 1 < frames.size(); ++i) {
+    problem.AddResidualBlock(DifferenceTerm<1>::New(1 / options.turn), new ceres::HuberLoss(kTotalVariation),
+                             angle(frames[i]), angle(frames[i + 1]));
+  }
+  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<LengthTerm, 1, 3>(new LengthTerm{1 / kGauge}), nullptr,
+                           axis.data());
+  problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<AnchorTerm, 3, 3>(new AnchorTerm{part->center, 1 / distance}), nullptr,
+      through.data());
+  if (problem.HasParameterBlock(angle(part->reference))) problem.SetParameterBlockConstant(angle(part->reference));
+  const std::optional<double> cost = SolveSmall(&problem, ceres::DENSE_SCHUR, options.iterations);
+  if (!cost) return std::nullopt;
+  solved.axis = Normalized(ToVec3(axis));
+  solved.through = ToVec3(through);
+  *hinge = solved;
+  part->points = points;
+  Vec3 middle;
+  for (const PartPoint& point : points) middle += ToVec3(point.position) / static_cast<double>(points.size());
+  part->center = middle;
+  SetPoses(*hinge, frames, part);
+  return cost;
+}
+
+}  // namespace editnerf
