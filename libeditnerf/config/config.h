@@ -59,6 +59,7 @@ struct StageConfig {
   double learning_rate = 1e-3;           // exponential from here
   double final_learning_rate = 1e-4;     // to here, over `steps` (or `seconds`, whichever is nearer its end)
   double key_point_learning_rate = 1.0;  // multiplies the learning rate of the key point table
+  double hinge_learning_rate = 1.0;      // multiplies it once more for parts on a hinge, whose way is known well
   double code_learning_rate = 1.0;       // multiplies the learning rate of the per-frame codes
   double shape_learning_rate = 1.0;      // multiplies the learning rate of warp field, slices and weights
   double lambda_motion = 1e-4;           // of squared pixels at reference_width
@@ -85,6 +86,8 @@ struct StageConfig {
     v("learning_rate", learning_rate, "initial learning rate of Adam", Positive());
     v("final_learning_rate", final_learning_rate, "learning rate at the end of the exponential schedule", Positive());
     v("key_point_learning_rate", key_point_learning_rate, "factor on the learning rate for key points", AtLeast(0));
+    v("hinge_learning_rate", hinge_learning_rate,
+      "one more for those of parts that turn about one axis (training): their way is known well", AtLeast(0));
     v("code_learning_rate", code_learning_rate, "factor on the learning rate for per-frame codes", AtLeast(0));
     v("shape_learning_rate", shape_learning_rate,
       "factor on the learning rate for the warp field, the slicing and the weight network", AtLeast(0));

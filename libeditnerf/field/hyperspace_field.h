@@ -48,6 +48,7 @@ class HyperspaceField : public RadianceField {
   int64_t num_key_points() const { return options_.stage == FieldStage::kTrain ? options_.num_key_points : 0; }
   KeyPointTable key_points() { return key_points_; }  // empty in pretraining
   bool has_local_frames() const { return !local_frames_.is_empty(); }
+  LocalFrames local_frames() const { return local_frames_; }  // empty where nothing turns
   torch::Tensor LocalFramesOf(const torch::Tensor& key_points) override;
 
   // Whether key points alone decide where a part's own coordinates lie: one key point and no warp field.

@@ -24,6 +24,10 @@ std::vector<AdamGroup> AdamGroupsFor(const HyperspaceField& field, const StageCo
   tables.skip_untouched = true;
   codes.learning_rate_factor = stage.code_learning_rate;
   key_points.learning_rate_factor = stage.key_point_learning_rate;
+  if (field.has_local_frames() && stage.hinge_learning_rate != 1) {
+    const torch::Tensor hinged = field.local_frames()->about_one_axis;
+    key_points.entry_factor = (1 + hinged * (stage.hinge_learning_rate - 1)).view({1, -1, 1});  // of [T, N, 3]
+  }
   for (const auto& item : field.named_parameters()) {
     AdamGroup& group = Contains(item.key(), "codes.")        ? codes
                        : Contains(item.key(), "key_points.") ? key_points

@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 using Tensors = std::map<std::string, torch::Tensor>;
 
 constexpr const char* kFormat = "editnerf checkpoint";
-constexpr int kVersion = 2;
+constexpr int kVersion = 3;
 // The local occupancy grid covers the whole reach of a part's own coordinates, not the share that the local hash
 // encoding refines.
 constexpr double kLocalReach = 1.0;

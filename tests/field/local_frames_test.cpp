@@ -83,6 +83,18 @@ TEST_CASE("local frames are differentiable at no turn at all, and refuse what is
   CHECK_THROWS_AS(LocalFrames(at.detach(), turns.slice(0, 1)), ShapeError);
 }
 
+TEST_CASE("turns about one axis are told from others, and from none") {
+  const torch::Tensor angle = torch::linspace(-1, 2, 20).view({20, 1});
+  const torch::Tensor hinge = angle * torch::tensor({{0.6F, 0.0F, -0.8F}});
+  torch::Tensor other = hinge.clone();
+  other[7][1] += 0.05F;
+  const torch::Tensor turns = torch::stack({hinge, other, torch::zeros({20, 3})}, 1);
+  const torch::Tensor found = AreAboutOneAxis(turns);
+  CHECK(torch::equal(found, torch::tensor({true, false, false})));
+  LocalFrames frames(torch::rand({20, 3, 3}), turns);
+  CHECK(torch::equal(frames->about_one_axis, torch::tensor({1.0F, 0.0F, 0.0F})));
+}
+
 TEST_CASE("turns are unwrapped past half and whole turns, about any axis") {
   const torch::Tensor axis = torch::tensor({0.6, 0.0, -0.8}, torch::kFloat64);
   const torch::Tensor angle = torch::linspace(0, 9, 60, torch::kFloat64);
