@@ -54,6 +54,7 @@ FieldKernel::FieldKernel(const FusedField& field, const FusedStates& states)
       weights_(field.weights),
       slicing_(field.slicing) {
   CheckFused(field, states);
+  open_levels_ = OpenLocalLevels(field);
   const auto data = [&](at::Tensor& table) -> const float* {
     if (!table.defined()) return nullptr;
     table = table.detach().contiguous();
@@ -73,15 +74,14 @@ FieldKernel::FieldKernel(const FusedField& field, const FusedStates& states)
   }
 }
 
-void FieldKernel::Encode(const FusedHash& hash, const float* unit, int64_t count, float* out) const {
+void FieldKernel::Encode(const FusedHash& hash, int64_t levels, const float* unit, int64_t count, float* out) const {
   const ThreadPhase phase(Phase::kEncoding);
   const int64_t table_size = hash.table.size(1);
   const float* const table = hash.table.data_ptr<float>();
   const HashPoints points = {count, {TileRow(unit, 0), TileRow(unit, 1), TileRow(unit, 2)}};
-  for (size_t l = 0; l < hash.resolutions.size(); ++l) {
-    const auto level = static_cast<int64_t>(l);
-    EncodeHashLevel(points, {hash.resolutions[l], table_size}, table + 2 * level * table_size, TileRow(out, 2 * level),
-                    TileRow(out, 2 * level + 1));
+  for (int64_t level = 0; level < levels; ++level) {
+    EncodeHashLevel(points, {hash.resolutions[static_cast<size_t>(level)], table_size}, table + 2 * level * table_size,
+                    TileRow(out, 2 * level), TileRow(out, 2 * level + 1));
   }
 }
 
@@ -90,6 +90,7 @@ void FieldKernel::Encode(const FusedHash& hash, const float* unit, int64_t count
 void FieldKernel::EncodeWithin(const float* fade, const float* unit, int64_t count, float* out) const {
   constexpr int64_t kGroup = 16;
   const int64_t padded = PaddedSamples(count);
+  for (int64_t row = 2 * open_levels_; row < rows_.local_features; ++row) std::fill_n(TileRow(out, row), padded, 0.0F);
   const auto is_outside = [&](int64_t s) {
     return std::all_of(fade + s, fade + std::min(s + kGroup, count), [](float share) { return share == 0; });
   };
@@ -98,10 +99,10 @@ void FieldKernel::EncodeWithin(const float* fade, const float* unit, int64_t cou
     int64_t end = begin + kGroup;
     while (end < padded && is_outside(end) == outside) end += kGroup;
     if (outside) {
-      for (int64_t row = 0; row < rows_.local_features; ++row)
+      for (int64_t row = 0; row < 2 * open_levels_; ++row)
         std::fill(TileRow(out, row) + begin, TileRow(out, row) + end, 0.0F);
     } else {
-      Encode(field_.local, unit + begin, std::min(end, count) - begin, out + begin);
+      Encode(field_.local, open_levels_, unit + begin, std::min(end, count) - begin, out + begin);
     }
     begin = end;
   }
@@ -168,7 +169,7 @@ void FieldKernel::Density(const int32_t* state, int64_t count, TileMemory& tile)
   float* const features = tile.Row(rows_.features);
   const float* const x = tile.Row(rows_.x);
   UnitCoordinates(x, field_.low.data(), field_.side, count, tile.Row(rows_.unit));
-  Encode(field_.canonical, tile.Row(rows_.unit), count, features);
+  Encode(field_.canonical, rows_.canonical_features / 2, tile.Row(rows_.unit), count, features);
   if (field_.num_key_points > 0) Anchors(state, count, tile);
   if (!slicing_.empty()) Slices(state, count, tile);
   if (rows_.local_features > 0) {
@@ -182,7 +183,7 @@ void FieldKernel::Density(const int32_t* state, int64_t count, TileMemory& tile)
                      count, tile.Row(rows_.local), tile.Row(rows_.fade));
     GoToRooms(count, tile);
     EncodeWithin(tile.Row(rows_.fade), tile.Row(rows_.local), count, encoded);
-    ScaleRows(tile.Row(rows_.fade), rows_.local_features, count, encoded);
+    ScaleRows(tile.Row(rows_.fade), 2 * open_levels_, count, encoded);
     ScaleByWindows(count, encoded);
   }
   if (field_.ambient_dim > 0) {
@@ -264,10 +265,10 @@ void FieldKernel::KeyPointsBackward(int64_t count, const float* grad_ambient, Ti
     const int64_t table_size = field_.local.table.size(1);
     const float* const table = field_.local.table.data_ptr<float>();
     const HashPoints points = {count, {tile.Row(rows_.local), tile.Row(rows_.local + 1), tile.Row(rows_.local + 2)}};
-    for (size_t l = 0; l < field_.local.resolutions.size(); ++l) {
-      const auto level = static_cast<int64_t>(l);
-      SlopeHashLevel(points, {field_.local.resolutions[l], table_size}, table + 2 * level * table_size,
-                     TileRow(to.local, 2 * level), TileRow(to.local, 2 * level + 1), axes);
+    for (int64_t level = 0; level < open_levels_; ++level) {
+      SlopeHashLevel(points, {field_.local.resolutions[static_cast<size_t>(level)], table_size},
+                     table + 2 * level * table_size, TileRow(to.local, 2 * level), TileRow(to.local, 2 * level + 1),
+                     axes);
     }
     ScaleRows(per_unit, 3, count, grad_local);
   }

@@ -65,7 +65,7 @@ class FieldKernel {
   void GoToRooms(int64_t count, TileMemory& tile) const;
   void RoomsBackward(int64_t count, const float* grad, float factor, float* grad_weights) const;
   void ScaleByWindows(int64_t count, float* local_features) const;
-  void Encode(const FusedHash& hash, const float* unit, int64_t count, float* out) const;
+  void Encode(const FusedHash& hash, int64_t levels, const float* unit, int64_t count, float* out) const;
   void EncodeWithin(const float* fade, const float* unit, int64_t count, float* out) const;
   void KeyPointsBackward(int64_t count, const float* grad_ambient, TileMemory& tile, float* scratch, FieldSums& sums,
                          const TileGradients& to) const;
@@ -76,6 +76,7 @@ class FieldKernel {
   TileMlp density_, color_, weights_, slicing_;
   int64_t num_states_ = -1;
   const float *keys_ = nullptr, *frames_ = nullptr, *codes_ = nullptr, *appearances_ = nullptr;
+  int64_t open_levels_ = 0;        // of the local encoding
   std::vector<float> local_keys_;  // [F, N, 3], in local coordinates
 };
 

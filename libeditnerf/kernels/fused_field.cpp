@@ -49,6 +49,13 @@ bool CanFuse(const FusedField& field) {
          std::max({field.weight_octaves, field.slicing_octaves, field.ambient_octaves}) <= kMostFusedOctaves;
 }
 
+int64_t OpenLocalLevels(const FusedField& field) {
+  auto open = static_cast<int64_t>(field.local.resolutions.size());
+  if (field.local_windows.empty()) return open;
+  while (open > 0 && field.local_windows[static_cast<size_t>(open - 1)] == 0) --open;
+  return open;
+}
+
 void CheckFused(const FusedField& field, const FusedStates& states) {
   const FieldRows rows(field);
   if (!field.local_windows.empty() && field.local_windows.size() != field.local.resolutions.size()) {

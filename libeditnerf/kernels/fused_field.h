@@ -69,6 +69,9 @@ struct FusedField {
   int64_t appearance_dim = 0;
 };
 
+// Levels of the local encoding before the finer ones whose windows are still closed: those are not looked up.
+int64_t OpenLocalLevels(const FusedField& field);
+
 // What frames or edits put into the field, row by row; undefined where the field has no use for it.
 struct FusedStates {
   at::Tensor key_points;    // [F, N, 3], scene units

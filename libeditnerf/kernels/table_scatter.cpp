@@ -37,9 +37,9 @@ FeatureGradients::Tile FeatureGradients::operator[](int64_t index) const {
 void ScatterToTables(const FusedField& field, const std::vector<const FeatureGradients*>& lists) {
   const TeamPhase phase(Phase::kTableGradients);
   const auto canonical_levels = static_cast<int64_t>(field.canonical.resolutions.size());
-  const auto local_levels = static_cast<int64_t>(field.local.resolutions.size());
+  const int64_t local_levels = OpenLocalLevels(field);
   float* const canonical = GradientOf(field.canonical.table);
-  float* const local = local_levels > 0 ? GradientOf(field.local.table) : nullptr;
+  float* const local = field.local.table.defined() ? GradientOf(field.local.table) : nullptr;
   ParallelFor(canonical_levels + local_levels, 1, [&](int64_t first_level, int64_t last_level) {
     for (int64_t l = first_level; l < last_level; ++l) {
       const bool is_local = l >= canonical_levels;
