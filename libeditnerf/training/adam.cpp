@@ -48,7 +48,7 @@ void LoadInto(const std::map<std::string, torch::Tensor>& state, const std::stri
 
 }  // namespace
 
-Adam::Adam(std::vector<AdamGroup> groups, const AdamOptions& options) : options_(options) {
+Adam::Adam(const std::vector<AdamGroup>& groups, const AdamOptions& options) : options_(options) {
   for (const AdamGroup& group : groups) {
     for (const auto& [name, parameter] : group.parameters) {
       slots_.push_back({name, parameter, torch::zeros_like(parameter).detach(), torch::zeros_like(parameter).detach(),

@@ -27,7 +27,7 @@ struct AdamOptions {
 
 class Adam {
  public:
-  Adam(std::vector<AdamGroup> groups, const AdamOptions& options);
+  Adam(const std::vector<AdamGroup>& groups, const AdamOptions& options);
 
   // Applies the gradients of all parameters that have one.
   void Step(double learning_rate);
