@@ -83,6 +83,23 @@ inline RenderConfig ConfigFor(const Setting& setting) {
   return config;
 }
 
+inline RayRenderer MakeRenderer(const HyperspaceField& field, const Setting& setting) {
+  std::optional<Box> local_box;
+  if (field.has_rigid_anchor()) local_box = Box{{-2, -2, -2}, {2, 2, 2}};
+  return RayRenderer(ConfigFor(setting), kNear, kFar, kBox, local_box);
+}
+
+// Random backgrounds, jitter and known distances.
+inline RayOptions RandomOptions(int64_t rays) {
+  RayOptions options;
+  options.training = options.distortion = true;
+  options.background = torch::rand({rays, 3});
+  options.jitter = torch::rand({rays});
+  options.distance = torch::rand({rays}) * (kFar - kNear) + kNear;
+  options.tolerance = torch::rand({rays}) * 0.1;
+  return options;
+}
+
 inline RayBatch RandomRays(int64_t count) {
   RayBatch rays;
   rays.origin = torch::rand({count, 3}) - torch::tensor({0.5F, 0.5F, 2.0F});

@@ -25,19 +25,11 @@ void CheckAgainstModules(const Setting& setting, double tolerance = 1e-5) {
                 << setting.appearance << ", direction " << setting.direction << ", " << setting.rays << " rays, "
                 << setting.steps << " steps, early stop " << setting.early_stop << ", turning " << setting.turning);
   const auto field = MakeField(setting);
-  std::optional<Box> local_box;
-  if (field->has_rigid_anchor()) local_box = Box{{-2, -2, -2}, {2, 2, 2}};
-  RayRenderer renderer(ConfigFor(setting), kNear, kFar, kBox, local_box);
+  RayRenderer renderer = MakeRenderer(*field, setting);
   const RayBatch rays = RandomRays(setting.rays);
   const RayObjective objective = ObjectiveFor(setting);
-  RayOptions options;
-  options.training = true;
-  options.distortion = true;
-  options.background = torch::rand({setting.rays, 3});
-  options.jitter = torch::rand({setting.rays});
-  options.distance = torch::rand({setting.rays}) * (kFar - kNear) + kNear;
+  RayOptions options = RandomOptions(setting.rays);
   options.distance.slice(0, 0, setting.rays, 3).fill_(NAN);
-  options.tolerance = torch::rand({setting.rays}) * 0.1;
   if (setting.start) options.start = (torch::rand({setting.rays}) - 0.2) * kFar;
   const Found exact = ModuleByModule(*field, renderer, rays, options, objective, torch::kFloat64);
   const Found expected = ModuleByModule(*field, renderer, rays, options, objective, torch::kFloat32);
