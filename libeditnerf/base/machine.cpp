@@ -9,6 +9,16 @@
 
 namespace editnerf {
 
+namespace {
+
+double SecondsOf(clockid_t clock) {
+  timespec time{};
+  clock_gettime(clock, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+}  // namespace
+
 std::string ProcessorName() {
   std::ifstream info("/proc/cpuinfo");
   for (std::string line; std::getline(info, line);) {
@@ -21,11 +31,8 @@ std::string LibraryVersion() { return EDITNERF_VERSION; }
 
 std::string LibraryCommit() { return EDITNERF_COMMIT; }
 
-double ProcessorSeconds() {
-  timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
+double ProcessorSeconds() { return SecondsOf(CLOCK_PROCESS_CPUTIME_ID); }
+double ThreadSeconds() { return SecondsOf(CLOCK_THREAD_CPUTIME_ID); }
 
 long PeakResidentBytes() {
   rusage usage{};

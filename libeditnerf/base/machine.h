@@ -16,6 +16,7 @@ std::string LibraryCommit();
 
 // Spent by this process so far, all threads together: what other load on the machine changes least.
 double ProcessorSeconds();
+double ThreadSeconds();  // by the calling one alone
 
 // Largest resident set of this process so far, bytes.
 long PeakResidentBytes();

@@ -160,10 +160,12 @@ struct FastFieldConfig {
     v("geometry_features", geometry_features, "features passed from the density to the colour network", Between(1, 64));
     v("density_bias", density_bias, "added to the density pre-activation", Between(-20, 20));
     v("kernel", kernel,
-      "how the CPU evaluates the field: 'fp32' in one fused pass, 'modules' one LibTorch module after the other, "
-      "'auto' "
-      "the fastest that is as good",
-      OneOf{{"auto", "fp32", "modules"}});
+      "how the CPU evaluates the field: 'fp32' in one fused pass, 'bf16' in one with the networks' products in "
+      "bfloat16, "
+      "'modules' one LibTorch module after the other; 'auto' is bf16 where the processor has a matrix unit for it "
+      "(AMX), "
+      "else fp32",
+      OneOf{{"auto", "bf16", "fp32", "modules"}});
   }
 };
 

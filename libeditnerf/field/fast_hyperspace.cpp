@@ -151,10 +151,10 @@ HyperspaceOutput FastHyperspace::Evaluate(const HyperspaceInput& input) {
 void FastHyperspace::AddTo(FusedField* field) const {
   const FastFieldConfig& config = options_.config;
   const Vec3& low = options_.box.low;
-  field->canonical = {canonical_table_, canonical_resolutions_};
+  field->canonical = {canonical_table_, canonical_resolutions_, canonical_copy_};
   field->low = {static_cast<float>(low.x), static_cast<float>(low.y), static_cast<float>(low.z)};
   field->side = static_cast<float>(options_.box.LongestSide());
-  if (options_.num_key_points > 0) field->local = {local_table_, local_resolutions_};
+  if (options_.num_key_points > 0) field->local = {local_table_, local_resolutions_, local_copy_};
   field->local_windows = local_windows_;
   field->local_side = static_cast<float>(options_.box.LongestSide() * config.local_extent);
   field->fade_margin = static_cast<float>(kFade);

@@ -13,6 +13,7 @@
 
 #include <torch/types.h>
 
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -58,8 +59,10 @@ class FastHyperspace : public HyperspaceNetwork {
   std::vector<float> local_windows_;  // [L], coarse to fine; empty: all open
   std::vector<int64_t> canonical_resolutions_, local_resolutions_;
   torch::Tensor canonical_table_, local_table_;  // [L, T, F]
-  torch::Tensor box_low_;                        // [3] buffer
-  torch::Tensor rooms_;                          // [N, 3] buffer, corners in rooms
+  std::shared_ptr<Bf16Table> canonical_copy_ = std::make_shared<Bf16Table>(),
+                             local_copy_ = std::make_shared<Bf16Table>();  // for the kernels
+  torch::Tensor box_low_;                                                  // [3] buffer
+  torch::Tensor rooms_;                                                    // [N, 3] buffer, corners in rooms
   Mlp density_network_{nullptr}, color_network_{nullptr};
 };
 

@@ -17,6 +17,16 @@ torch::Tensor Lerp(const torch::Tensor& a, const torch::Tensor& b, double weight
   return a.defined() ? torch::lerp(a, b, weight) : a;
 }
 
+Bf16Unit ProductUnit(const std::string& kernel) {
+  const Bf16Unit fastest = FastestBf16();
+  if (kernel == "auto") return fastest == Bf16Unit::kTiles ? fastest : Bf16Unit::kNone;
+  if (kernel != "bf16") return Bf16Unit::kNone;
+  if (fastest == Bf16Unit::kNone) {
+    Throw<ConfigError>("field.fast.kernel: 'bf16' needs a processor with AVX-512 BF16 or AMX; use 'auto' or 'fp32'");
+  }
+  return fastest;
+}
+
 std::shared_ptr<HyperspaceNetwork> MakeNetwork(const HyperspaceFieldOptions& options, int64_t ambient_dim) {
   const FieldConfig& config = options.config;
   const int64_t appearance_dim = config.use_appearance ? config.appearance_dim : 0;
@@ -171,6 +181,7 @@ std::optional<FusedField> HyperspaceField::Fused() const {
   }
   if (weights_) weights_->AddTo(&field);
   if (!CanFuse(field)) return std::nullopt;
+  field.bf16 = ProductUnit(options_.config.fast.kernel);
   return field;
 }
 

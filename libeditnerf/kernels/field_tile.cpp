@@ -49,12 +49,16 @@ FieldKernel::FieldKernel(const FusedField& field, const FusedStates& states)
     : field_(field),
       states_(states),
       rows_(field),
-      density_(field.density),
-      color_(field.color),
-      weights_(field.weights),
-      slicing_(field.slicing) {
+      density_(field.density, field.bf16),
+      color_(field.color, field.bf16),
+      weights_(field.weights),  // in float32: l is as exact as they are, and fine levels of its hash see a thousandth
+      slicing_(field.slicing, field.bf16) {
   CheckFused(field, states);
   open_levels_ = OpenLocalLevels(field);
+  for (FusedHash* hash : {&field_.canonical, &field_.local}) {
+    if (field_.bf16 == Bf16Unit::kNone || !hash->table.defined()) hash->bf16.reset();
+    if (hash->bf16) hash->bf16->Refresh(hash->table);
+  }
   const auto data = [&](at::Tensor& table) -> const float* {
     if (!table.defined()) return nullptr;
     table = table.detach().contiguous();
@@ -80,8 +84,13 @@ void FieldKernel::Encode(const FusedHash& hash, int64_t levels, const float* uni
   const float* const table = hash.table.data_ptr<float>();
   const HashPoints points = {count, {TileRow(unit, 0), TileRow(unit, 1), TileRow(unit, 2)}};
   for (int64_t level = 0; level < levels; ++level) {
-    EncodeHashLevel(points, {hash.resolutions[static_cast<size_t>(level)], table_size}, table + 2 * level * table_size,
-                    TileRow(out, 2 * level), TileRow(out, 2 * level + 1));
+    const HashLevel where = {hash.resolutions[static_cast<size_t>(level)], table_size};
+    float *const out0 = TileRow(out, 2 * level), *const out1 = TileRow(out, 2 * level + 1);
+    if (hash.bf16) {
+      EncodeBf16HashLevel(points, where, hash.bf16->Level(level), out0, out1);
+    } else {
+      EncodeHashLevel(points, where, table + 2 * level * table_size, out0, out1);
+    }
   }
 }
 
@@ -266,9 +275,13 @@ void FieldKernel::KeyPointsBackward(int64_t count, const float* grad_ambient, Ti
     const float* const table = field_.local.table.data_ptr<float>();
     const HashPoints points = {count, {tile.Row(rows_.local), tile.Row(rows_.local + 1), tile.Row(rows_.local + 2)}};
     for (int64_t level = 0; level < open_levels_; ++level) {
-      SlopeHashLevel(points, {field_.local.resolutions[static_cast<size_t>(level)], table_size},
-                     table + 2 * level * table_size, TileRow(to.local, 2 * level), TileRow(to.local, 2 * level + 1),
-                     axes);
+      const HashLevel where = {field_.local.resolutions[static_cast<size_t>(level)], table_size};
+      const float *const grad0 = TileRow(to.local, 2 * level), *const grad1 = TileRow(to.local, 2 * level + 1);
+      if (field_.local.bf16) {
+        SlopeBf16HashLevel(points, where, field_.local.bf16->Level(level), grad0, grad1, axes);
+      } else {
+        SlopeHashLevel(points, where, table + 2 * level * table_size, grad0, grad1, axes);
+      }
     }
     ScaleRows(per_unit, 3, count, grad_local);
   }

@@ -14,8 +14,11 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
+#include "libeditnerf/kernels/bf16_product.h"
+#include "libeditnerf/kernels/bf16_table.h"
 #include "libeditnerf/kernels/fused_mlp.h"
 
 namespace editnerf {
@@ -23,6 +26,7 @@ namespace editnerf {
 struct FusedHash {
   at::Tensor table;                  // [L, T, 2]; undefined: no such encoding
   std::vector<int64_t> resolutions;  // L
+  std::shared_ptr<Bf16Table> bf16;   // its copy, to look up in; nullptr: there is none
 };
 
 // Rooms along each axis of the local hash's cube, so that N key points have one each, and the corner of number i's.
@@ -67,6 +71,9 @@ struct FusedField {
   MlpLayers color;
   bool use_direction = false;
   int64_t appearance_dim = 0;
+
+  // For the products of all networks but the weights'; with one, tables are looked up in their copies. None: float32.
+  Bf16Unit bf16 = Bf16Unit::kNone;
 };
 
 // Levels of the local encoding before the finer ones whose windows are still closed: those are not looked up.

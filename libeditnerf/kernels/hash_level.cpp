@@ -1,68 +1,21 @@
 #include "libeditnerf/kernels/hash_level.h"
 
-#include "libeditnerf/kernels/hash_index.h"
-
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "libeditnerf/kernels/hash_level.cpp"  // compiled once for every target
-#include <hwy/foreach_target.h>
+// clang-format off
+#include <hwy/foreach_target.h>  // before all other headers of Highway
 #include <hwy/highway.h>
+
+#include "libeditnerf/kernels/hash_cells-inl.h"
+// clang-format on
 
 HWY_BEFORE_NAMESPACE();
 namespace editnerf {
 namespace HWY_NAMESPACE {
 
-namespace hn = hwy::HWY_NAMESPACE;
-using FloatTag = hn::CappedTag<float, 16>;
-using IntTag = hn::Rebind<int32_t, FloatTag>;
-using WordTag = hn::Rebind<uint32_t, FloatTag>;
 // Two neighbours along the first axis, two features each. Highway has no vectors of four where there is no SIMD at all,
 // but compilers do.
 using Pair = float __attribute__((vector_size(16)));
-
-// Where the cells of the samples lie in a level. Of the four edges of a cell along the first axis, edge jk has the
-// upper neighbour along the second axis where jk & 1, and along the third where jk & 2.
-struct Cells {
-  alignas(64) uint32_t entry[4][kHashTile];  // of an edge's lower end
-  alignas(64) float fraction[3][kHashTile];
-  alignas(64) float weight[4][kHashTile];  // of an edge
-  bool wraps;                              // whether some edge's upper end is the table's first entry
-};
-
-HWY_INLINE void FindCells(const HashPoints& points, const hash_index::Level& level, int64_t resolution, Cells& cells) {
-  const FloatTag f;
-  const IntTag i;
-  const WordTag w;
-  const auto lanes = static_cast<int64_t>(hn::Lanes(f));
-  const auto scale = hn::Set(f, static_cast<float>(resolution));
-  const auto last = hn::Set(i, static_cast<int32_t>(resolution - 1));
-  const auto mask = hn::Set(w, level.mask), one = hn::Set(w, 1);
-  const auto unit = hn::Set(f, 1.0F);
-  auto highest = hn::Zero(w);
-  for (int64_t s = 0; s < points.count; s += lanes) {
-    hn::Vec<WordTag> corner[3];
-    hn::Vec<FloatTag> upper[3], lower[3];
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto scaled = hn::Mul(hn::LoadU(f, points.x[axis] + s), scale);
-      const auto cell = hn::Min(hn::ConvertTo(i, scaled), last);
-      corner[axis] = hn::BitCast(w, cell);
-      upper[axis] = hn::Sub(scaled, hn::ConvertTo(f, cell));
-      lower[axis] = hn::Sub(unit, upper[axis]);
-      hn::Store(upper[axis], f, cells.fraction[axis] + s);
-    }
-    for (int jk = 0; jk < 4; ++jk) {
-      const bool j = (jk & 1) != 0, k = (jk & 2) != 0;
-      const auto y = j ? hn::Add(corner[1], one) : corner[1], z = k ? hn::Add(corner[2], one) : corner[2];
-      const auto row = level.dense ? hn::Mul(hn::Set(w, level.side), hn::Add(y, hn::Mul(hn::Set(w, level.side), z)))
-                                   : hn::Xor(hn::Mul(y, hn::Set(w, hash_index::kPrimeY)),
-                                             hn::Mul(z, hn::Set(w, hash_index::kPrimeZ)));
-      const auto entry = hn::And(hn::Add(corner[0], row), mask);
-      highest = hn::Max(highest, entry);
-      hn::Store(entry, w, cells.entry[jk] + s);
-      hn::Store(hn::Mul(j ? upper[1] : lower[1], k ? upper[2] : lower[2]), f, cells.weight[jk] + s);
-    }
-  }
-  cells.wraps = hn::GetLane(hn::MaxOfLanes(w, highest)) == level.mask;
-}
 
 HWY_INLINE Pair Load(const float* from) {
   Pair pair;
@@ -117,7 +70,7 @@ HWY_INLINE void EncodeCells(const Cells& cells, int64_t count, const float* feat
 void Encode(const HashPoints& points, const HashLevel& where, const float* features, float* out0, float* out1) {
   const hash_index::Level level(where.resolution, where.table_size);
   Cells cells;
-  const HashPoints whole = {(points.count + 15) / 16 * 16, {points.x[0], points.x[1], points.x[2]}};
+  const HashPoints whole = WholeVectors(points);
   FindCells(whole, level, where.resolution, cells);
   if (cells.wraps) return EncodeCells<true>(cells, whole.count, features, level.mask, out0, out1);
   EncodeCells<false>(cells, whole.count, features, level.mask, out0, out1);
@@ -185,7 +138,7 @@ void Slope(const HashPoints& points, const HashLevel& where, const float* featur
            const float* grad1, float* const slope[3]) {
   const hash_index::Level level(where.resolution, where.table_size);
   Cells cells;
-  const HashPoints whole = {(points.count + 15) / 16 * 16, {points.x[0], points.x[1], points.x[2]}};
+  const HashPoints whole = WholeVectors(points);
   FindCells(whole, level, where.resolution, cells);
   const auto resolution = static_cast<float>(where.resolution);
   if (cells.wraps) {

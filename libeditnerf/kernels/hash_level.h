@@ -30,4 +30,17 @@ void ScatterHashLevel(const HashPoints& points, const HashLevel& level, const fl
 void SlopeHashLevel(const HashPoints& points, const HashLevel& level, const float* features, const float* grad0,
                     const float* grad1, float* const slope[3]);
 
+// Tables in bfloat16: an entry is a word, its first feature in the lower half, and the first entry follows the last
+// once more, so that both ends of an edge always lie side by side.
+constexpr int64_t kBf16TablePadding = 16;  // words behind a level's entries, of which the first is used
+
+// features [table_size, 2], rounded to the nearest -> entries [table_size + kBf16TablePadding].
+void PackHashEntries(const float* features, int64_t table_size, uint32_t* entries);
+
+// As EncodeHashLevel and SlopeHashLevel, from such entries.
+void EncodeBf16HashLevel(const HashPoints& points, const HashLevel& level, const uint32_t* entries, float* out0,
+                         float* out1);
+void SlopeBf16HashLevel(const HashPoints& points, const HashLevel& level, const uint32_t* entries, const float* grad0,
+                        const float* grad1, float* const slope[3]);
+
 }  // namespace editnerf

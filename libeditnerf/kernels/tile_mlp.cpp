@@ -16,24 +16,7 @@ bool HasTransposedSums(int64_t in, int64_t out) { return out < in && 2 * out >= 
 
 }  // namespace
 
-void TileMlpSums::Clear() {
-  for (Layer& layer : layers_) {
-    std::fill(layer.weight.begin(), layer.weight.end(), 0.0F);
-    std::fill(layer.bias.begin(), layer.bias.end(), 0.0F);
-  }
-}
-
-void TileMlpSums::Add(const TileMlpSums& other) {
-  const auto add = [](const std::vector<float>& from, std::vector<float>& to) {
-    for (size_t i = 0; i < to.size(); ++i) to[i] += from[i];
-  };
-  for (size_t l = 0; l < layers_.size(); ++l) {
-    add(other.layers_[l].weight, layers_[l].weight);
-    add(other.layers_[l].bias, layers_[l].bias);
-  }
-}
-
-TileMlp::TileMlp(const MlpLayers& layers) {
+TileMlp::TileMlp(const MlpLayers& layers, Bf16Unit bf16) {
   for (size_t l = 0; l < layers.weights.size(); ++l) {
     Layer layer;
     layer.out = layers.weights[l].size(0);
@@ -45,10 +28,12 @@ TileMlp::TileMlp(const MlpLayers& layers) {
     widest_ = std::max({widest_, PaddedWidth(layer.out), PaddedWidth(layer.in)});
     layers_.push_back(layer);
   }
+  if (bf16 != Bf16Unit::kNone && !empty()) bf16_ = std::make_shared<const Bf16Mlp>(layers, bf16);
 }
 
 void TileMlp::Forward(const float* input, int64_t count, float* activations) const {
   const ThreadPhase phase(Phase::kProducts);
+  if (bf16_) return bf16_->Forward(input, count, activations);
   const float* before = input;
   float* after = activations;
   for (const Layer& layer : layers_) {
@@ -67,6 +52,7 @@ void TileMlp::Forward(const float* input, int64_t count, float* activations) con
 void TileMlp::Backward(const float* input, const float* activations, const float* grad_out, int64_t count,
                        float* scratch, TileMlpSums& sums, c10::ArrayRef<InputGradient> grad_inputs) const {
   const ThreadPhase phase(Phase::kProducts);
+  if (bf16_) return bf16_->Backward(input, activations, grad_out, count, scratch, sums, grad_inputs);
   float* next = scratch;
   float* other = TileRow(scratch, widest_);
   const float* grad = grad_out;
@@ -75,8 +61,8 @@ void TileMlp::Backward(const float* input, const float* activations, const float
     const Layer& layer = layers_[l];
     row -= layer.out;
     const float* const before = l > 0 ? TileRow(activations, row - layers_[l - 1].out) : input;
-    AddRowSums(grad, layer.out, count, sums.layers_[l].bias.data());
-    AddWeightGradient(layer, before, grad, count, sums.layers_[l]);
+    AddRowSums(grad, layer.out, count, sums.layers[l].bias.data());
+    AddWeightGradient(layer, before, grad, count, sums.layers[l]);
     DenseProduct p;
     p.inner = layer.out, p.columns = PaddedSamples(count);
     p.a_row = 1, p.a_inner = layer.in;
@@ -115,27 +101,22 @@ void TileMlp::AddWeightGradient(const Layer& layer, const float* before, const f
 }
 
 TileMlpSums TileMlp::MakeSums() const {
+  if (bf16_) return bf16_->MakeSums();
   TileMlpSums sums;
   for (const Layer& layer : layers_) {
     const bool swap = HasTransposedSums(layer.in, layer.out);
     const int64_t rows = swap ? layer.in : layer.out, columns = PaddedWidth(swap ? layer.out : layer.in);
-    sums.layers_.push_back({std::vector<float>(static_cast<size_t>(rows * columns)),
-                            std::vector<float>(static_cast<size_t>(PaddedWidth(layer.out)))});
+    sums.layers.push_back({AlignedMemory<float>(static_cast<size_t>(rows * columns)),
+                           AlignedMemory<float>(static_cast<size_t>(PaddedWidth(layer.out)))});
   }
   return sums;
 }
 
 void TileMlp::AddSums(const TileMlpSums& sums, size_t index, float* weight, float* bias) const {
+  if (bf16_) return bf16_->AddSums(sums, index, weight, bias);
   const Layer& layer = layers_[index];
-  const TileMlpSums::Layer& from = sums.layers_[index];
   const bool swap = HasTransposedSums(layer.in, layer.out);
-  const int64_t padded = PaddedWidth(swap ? layer.out : layer.in);
-  for (int64_t o = 0; o < layer.out; ++o) {
-    for (int64_t i = 0; i < layer.in; ++i) {
-      weight[o * layer.in + i] += from.weight[static_cast<size_t>(swap ? i * padded + o : o * padded + i)];
-    }
-    bias[o] += from.bias[static_cast<size_t>(o)];
-  }
+  AddLayerSums(sums.layers[index], layer.in, layer.out, PaddedWidth(swap ? layer.out : layer.in), swap, weight, bias);
 }
 
 }  // namespace editnerf

@@ -4,38 +4,21 @@
 #include <c10/util/ArrayRef.h>
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
+#include "libeditnerf/kernels/bf16_mlp.h"
 #include "libeditnerf/kernels/fused_mlp.h"
+#include "libeditnerf/kernels/tile_mlp_sums.h"
 
 namespace editnerf {
-
-// Sums of a network's gradient over many tiles, in the layout of the products.
-class TileMlpSums {
- public:
-  void Clear();
-  void Add(const TileMlpSums& other);
-
- private:
-  friend class TileMlp;
-  struct Layer {
-    std::vector<float> weight;  // [out, PaddedWidth(in)], or [in, PaddedWidth(out)] (HasTransposedSums)
-    std::vector<float> bias;    // [out, rounded up]
-  };
-  std::vector<Layer> layers_;
-};
-
-// Where some rows of the gradient of the input go.
-struct InputGradient {
-  int64_t first = 0, rows = 0;
-  float* to = nullptr;  // [rows]
-};
 
 class TileMlp {
  public:
   TileMlp() = default;  // no network at all
-  // Reads the tensors' memory, which must outlive this: float32, contiguous, on the CPU.
-  explicit TileMlp(const MlpLayers& layers);
+  // Reads the tensors' memory, which must outlive this: float32, contiguous, on the CPU. With a unit, one that this
+  // processor has, products are in bfloat16, and changes to the weights are not seen.
+  explicit TileMlp(const MlpLayers& layers, Bf16Unit bf16 = Bf16Unit::kNone);
 
   bool empty() const { return layers_.empty(); }
   int64_t in() const { return layers_.front().in; }
@@ -67,6 +50,7 @@ class TileMlp {
                          TileMlpSums::Layer& sums) const;
 
   std::vector<Layer> layers_;
+  std::shared_ptr<const Bf16Mlp> bf16_;  // nullptr: products are in float32
   int64_t activation_rows_ = 0, widest_ = 0;
 };
 

@@ -84,6 +84,7 @@ void Adam::Step(double learning_rate) {
     } else {
       AdamStep(plain, gradient.numel(), g, x, first, second);
     }
+    slot.parameter.unsafeGetTensorImpl()->bump_version();  // as LibTorch's own operations in place do
   }
 }
 

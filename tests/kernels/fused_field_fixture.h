@@ -30,6 +30,7 @@ struct Setting {
   bool start = false;  // rays that begin on their way
   int64_t window_steps = 0, step = 1000000;
   bool turning = false;  // parts that turn as their key points move
+  std::string kernel = "fp32";
 };
 
 inline HyperspaceFieldOptions OptionsFor(const Setting& setting) {
@@ -48,6 +49,7 @@ inline HyperspaceFieldOptions OptionsFor(const Setting& setting) {
   hash.num_levels = 5, hash.log2_table_size = 10, hash.base_resolution = 4, hash.finest_resolution = 40;
   config.fast.local_hash = hash;
   config.fast.local_hash.num_levels = 4;
+  config.fast.kernel = setting.kernel;
   config.fast.width = 40;
   config.fast.local_window_steps = setting.window_steps;
   config.fast.density_bias = setting.density_bias;

@@ -88,6 +88,34 @@ TEST_CASE("fused gradients are those of the modules while fine levels of the loc
   }
 }
 
+TEST_CASE("fused gradients in bfloat16 are those of float32 but for rounding") {
+  if (FastestBf16() == Bf16Unit::kNone) {
+    WARN("this processor has no bfloat16 products: skipped");
+    return;
+  }
+  torch::manual_seed(13);
+  for (const int64_t key_points : {1, 2, 8}) {
+    Setting setting;
+    setting.key_points = key_points;
+    setting.early_stop = 0;  // the same samples, whatever their densities
+    setting.kernel = "bf16";
+    const auto field = MakeField(setting);
+    RayRenderer renderer = MakeRenderer(*field, setting);
+    const RayBatch rays = RandomRays(setting.rays);
+    const RayObjective objective = ObjectiveFor(setting);
+    const RayOptions options = RandomOptions(setting.rays);
+    const Found exact = ModuleByModule(*field, renderer, rays, options, objective, torch::kFloat64);
+    const Found found = Fused(*field, renderer, rays, options, objective);
+    CHECK(found.samples == exact.samples);
+    CHECK(found.reconstruction == Approx(exact.reconstruction).epsilon(0.01));
+    CHECK(found.distortion == Approx(exact.distortion).epsilon(0.02));
+    for (const auto& [name, gradient] : exact.gradients) {
+      INFO(name);
+      CHECK(RelativeDifference(found.gradients.at(name).to(torch::kFloat64), gradient) < 0.1);
+    }
+  }
+}
+
 TEST_CASE("fused gradients of pretraining are those of the modules") {
   torch::manual_seed(2);
   Setting setting;

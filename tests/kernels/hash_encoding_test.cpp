@@ -3,11 +3,14 @@
 #include <torch/torch.h>
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/kernels/bf16_table.h"
 #include "tests/catch.h"
 #include "tests/gradient_check.h"
+#include "tests/kernels/each_target.h"
 
 using namespace editnerf;
 
@@ -89,4 +92,53 @@ TEST_CASE("the float32 kernel of the hash encoding agrees with the reference, al
     CHECK((fast_grads[0] - plain_grads[0]).norm().item<double>() < 1e-5 * plain_grads[0].norm().item<double>());
     CHECK((fast_grads[1] - plain_grads[1]).norm().item<double>() < 1e-5 * plain_grads[1].norm().item<double>());
   }
+}
+
+TEST_CASE("the kernels of tables in bfloat16 see the rounded table, and its changes") {
+  torch::manual_seed(6);
+  const std::vector<int64_t> resolutions = HashResolutions(5, 4, 200);
+  auto table = torch::randn({5, 1 << 5, 2});  // small, so that neighbours wrap around often
+  Bf16Table copy;
+  ForEachTarget([&] {
+    for (const int64_t count : {1, 16, 127, 128}) {
+      table.mul_(1.25);  // as an optimiser might
+      copy.Refresh(table);
+      const auto rounded = table.to(torch::kBFloat16).to(torch::kFloat32);
+      const auto x = torch::rand({3, 128});
+      const HashPoints points = {count, {x[0].data_ptr<float>(), x[1].data_ptr<float>(), x[2].data_ptr<float>()}};
+      for (int64_t level = 0; level < 5; ++level) {
+        const HashLevel where = {resolutions[static_cast<size_t>(level)], 1 << 5};
+        const float* const features = rounded[level].data_ptr<float>();
+        const auto found = torch::zeros({5, 128}), expected = torch::zeros({5, 128}), grad = torch::randn({2, 128});
+        const auto row = [](const torch::Tensor& rows, int64_t i) { return rows[i].data_ptr<float>(); };
+        float* const found_slope[3] = {row(found, 2), row(found, 3), row(found, 4)};
+        float* const expected_slope[3] = {row(expected, 2), row(expected, 3), row(expected, 4)};
+        EncodeHashLevel(points, where, features, row(expected, 0), row(expected, 1));
+        SlopeHashLevel(points, where, features, row(grad, 0), row(grad, 1), expected_slope);
+        EncodeBf16HashLevel(points, where, copy.Level(level), row(found, 0), row(found, 1));
+        SlopeBf16HashLevel(points, where, copy.Level(level), row(grad, 0), row(grad, 1), found_slope);
+        CHECK((found - expected).slice(1, 0, count).norm().item<double>() <
+              1e-6 * expected.slice(1, 0, count).norm().item<double>());
+      }
+    }
+  });
+}
+
+TEST_CASE("the copy of a table in bfloat16 keeps what is not finite") {
+  auto table = torch::zeros({1, 4, 2});
+  table[0][1][0] = NAN;
+  table[0][2][1] = -INFINITY;
+  table[0][3][0] = 3.4e38;
+  Bf16Table copy;
+  copy.Refresh(table);
+  const auto feature = [&](int64_t entry, int which) {
+    const uint32_t bits = which == 0 ? copy.Level(0)[entry] << 16 : copy.Level(0)[entry] & 0xffff0000U;
+    float value = 0;
+    std::memcpy(&value, &bits, sizeof value);
+    return value;
+  };
+  CHECK(std::isnan(feature(1, 0)));
+  CHECK(feature(1, 1) == 0);
+  CHECK(feature(2, 1) == -INFINITY);
+  CHECK(feature(3, 0) == INFINITY);  // as rounding has it
 }
