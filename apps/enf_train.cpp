@@ -15,6 +15,7 @@ int main(int argc, char** argv) {
         app.add_option("SCENE", request.scene_folder, "scene folder, or packed scene")->required();
         app.add_option("--out", request.out, "run folder")->required();
         app.add_option("--key-points", detection, "folder of enf-detect-keypoints --out; SCENE by default");
+        app.add_option("--pretrained", request.pretrained, "run folder of enf-pretrain, for train.warm_start");
         app.add_flag("--resume", request.resume, "continue from the checkpoint in the run folder");
         budget =
             app.add_option("--time-budget", seconds, "training seconds (train.seconds)")->check(CLI::PositiveNumber);

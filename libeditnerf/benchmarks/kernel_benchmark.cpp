@@ -31,6 +31,7 @@ BenchmarkResult RunKernelBenchmark(const Config& config, const KernelBenchmark& 
   const std::set<int64_t> all_threads = {1, options.threads > 0 ? options.threads : NumThreads()};
   std::vector<KernelCase> cases = FieldKernelCases(config, options.samples);
   for (KernelCase& other : TensorKernelCases(config, options.samples)) cases.push_back(std::move(other));
+  for (KernelCase& other : Bf16KernelCases(config, options.samples)) cases.push_back(std::move(other));
   Progress bar("kernels", static_cast<double>(cases.size() * all_threads.size()));
   double done = 0;
   BenchmarkResult result;
@@ -63,9 +64,11 @@ BenchmarkResult RunKernelBenchmark(const Config& config, const KernelBenchmark& 
       if (kernel.operations > 0) {
         const double flops = kernel.operations * kernel.count / timing.body.processor;
         one["gflops"] = 1e-9 * flops;
-        one["share_of_peak"] = flops / peak;
+        const double most = kernel.peak > 0 ? kernel.peak : peak;
+        one["peak_gflops"] = 1e-9 * most;
+        one["share_of_peak"] = flops / most;
         row[5] = fmt::format("{:.1f}", 1e-9 * flops);
-        row[6] = fmt::format("{:.0f} %", 100 * flops / peak);
+        row[6] = fmt::format("{:.0f} %", 100 * flops / most);
       }
       kernels.push_back(one);
       table.rows.push_back(row);

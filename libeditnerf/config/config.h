@@ -71,6 +71,7 @@ struct StageConfig {
   double lambda_depth = 0;          // of the share of the depth by which a known distance is missed
   double still_share = 0;           // of the rays: through what stands still, under key points drawn anew
   double carried_share = 0;         // of the rays: through what a key point carries, carried along to other states
+  bool warm_start = false;          // of training: begin with the static scene that pretraining found
   bool random_background = false;   // composite on random colours after 200 steps
   int64_t log_every = 50;           // steps
   int64_t evaluate_every = 2000;    // steps between held-out measurements; 0: none
@@ -107,6 +108,8 @@ struct StageConfig {
       "share of the rays that go through places of a part that moves, carried along with it to where it was at other "
       "times, and must show the same there, with the other parts' key points anywhere (training; not where parts turn)",
       Between(0.0, 0.35));
+    v("warm_start", warm_start,
+      "begin with the static scene that pretraining found, where the field is of the same kind (training)");
     v("random_background", random_background, "composite on random colours once the field has taken shape");
     v("log_every", log_every, "steps between rows of metrics.csv", AtLeast(1));
     v("evaluate_every", evaluate_every, "steps between held-out measurements; 0 for none", AtLeast(0));

@@ -19,7 +19,7 @@ size_t Size(int64_t rows, int64_t columns) { return static_cast<size_t>(rows * c
 
 }  // namespace
 
-Bf16Mlp::Bf16Mlp(const MlpLayers& layers, Bf16Unit unit) : unit_(unit) {
+Bf16Mlp::Bf16Mlp(const MlpLayers& layers, Bf16Unit unit, bool exact) : unit_(unit), exact_(exact) {
   for (size_t l = 0; l < layers.weights.size(); ++l) {
     Layer layer;
     layer.out = layers.weights[l].size(0);
@@ -30,10 +30,13 @@ Bf16Mlp::Bf16Mlp(const MlpLayers& layers, Bf16Unit unit) : unit_(unit) {
     layer.forward = AlignedMemory<uint16_t>(Size(PaddedBf16Rows(layer.out), forward_row));
     // Parts of the input begin at any row and are padded from there.
     layer.backward = AlignedMemory<uint16_t>(Size(PaddedBf16Rows(layer.in) + kBf16Rows, backward_row));
+    if (exact) layer.rest = AlignedMemory<uint16_t>(layer.forward.size());
     const float* weight = layers.weights[l].data_ptr<float>();
     for (int64_t o = 0; o < layer.out; ++o) {
       for (int64_t i = 0; i < layer.in; ++i) {
-        const uint16_t value = ToBf16(*weight++);
+        const uint16_t value = ToBf16(*weight);
+        if (exact) layer.rest.data()[o * forward_row + i] = ToBf16(*weight - FromBf16(value));
+        ++weight;
         layer.forward.data()[o * forward_row + i] = value;
         layer.backward.data()[i * backward_row + o] = value;
       }
@@ -47,17 +50,18 @@ Bf16Mlp::Bf16Mlp(const MlpLayers& layers, Bf16Unit unit) : unit_(unit) {
 Bf16Mlp::Work& Bf16Mlp::WorkOfThread() const {
   thread_local Work work;
   work.pairs.Reserve(Size(widest_ / 2, kTile));
+  if (exact_) work.rest.Reserve(Size(widest_ / 2, kTile));
   work.transposed.Reserve(Size(kTile / 2, widest_));
   work.plain.Reserve(Size(widest_, kTile));
   work.result.Reserve(Size(widest_, kSamples));
   return work;
 }
 
-void Bf16Mlp::Multiply(const Bf16Session& session, const uint16_t* weights, int64_t out, int64_t in, int64_t count,
-                       Work& work, const Bf16Rows& to) {
+void Bf16Mlp::Multiply(const Bf16Session& session, const uint16_t* weights, const uint16_t* rest, int64_t out,
+                       int64_t in, int64_t count, Work& work, const Bf16Rows& to) {
   Bf16Product p;
   p.rows = PaddedBf16Rows(out), p.inner = PaddedBf16Inner(in);
-  p.a = weights, p.a_row = p.inner;
+  p.a_row = p.inner;
   p.b_row = kTile;
   p.c = work.result.data(), p.c_row = kSamples;
   Bf16Rows rows = to;
@@ -65,27 +69,39 @@ void Bf16Mlp::Multiply(const Bf16Session& session, const uint16_t* weights, int6
   for (int64_t s = 0; s < count; s += kSamples) {
     rows.count = std::min(kSamples, count - s);
     p.columns = PaddedSamples(rows.count);
-    p.b = work.pairs.data() + s;
+    p.a = weights, p.b = work.pairs.data() + s, p.add = false;
     MultiplyBf16(p, session);
+    if (rest != nullptr) {
+      p.add = true;
+      p.a = rest;
+      MultiplyBf16(p, session);
+      p.a = weights, p.b = work.rest.data() + s;
+      MultiplyBf16(p, session);
+    }
     const auto from = [s](auto* memory) { return memory == nullptr ? nullptr : memory + s; };
-    rows.mask = from(to.mask), rows.to = from(to.to), rows.pairs = from(to.pairs), rows.plain = from(to.plain);
+    rows.mask = from(to.mask), rows.to = from(to.to);
+    rows.pairs = from(to.pairs), rows.rest = from(to.rest), rows.plain = from(to.plain);
     MoveBf16Rows(rows);
   }
 }
 
-void Bf16Mlp::Forward(const float* input, int64_t count, float* activations) const {
+void Bf16Mlp::Forward(const float* input, int64_t count, float* activations, bool keep_hidden) const {
   const Bf16Session session(unit_);
   Work& work = WorkOfThread();
   Bf16Rows in;
   in.from = input, in.stride = kTileStride, in.rows = layers_.front().in, in.count = count;
   in.pairs = work.pairs.data();
+  if (exact_) in.rest = work.rest.data();
   MoveBf16Rows(in);
   for (const Layer& layer : layers_) {
+    const bool hidden = &layer != &layers_.back();
     Bf16Rows out;
     out.bias = layer.bias, out.relu = layer.relu;
-    out.to = activations;
-    if (&layer != &layers_.back()) out.pairs = work.pairs.data();  // in the place of the samples that made them
-    Multiply(session, layer.forward.data(), layer.out, layer.in, count, work, out);
+    if (keep_hidden || !hidden) out.to = activations;
+    if (hidden) out.pairs = work.pairs.data();  // in the place of the samples that made them
+    if (hidden && exact_) out.rest = work.rest.data();
+    Multiply(session, layer.forward.data(), exact_ ? layer.rest.data() : nullptr, layer.out, layer.in, count, work,
+             out);
     activations = TileRow(activations, layer.out);
   }
 }
@@ -120,7 +136,7 @@ void Bf16Mlp::Backward(const float* input, const float* activations, const float
     if (l == 0) return InputGradients(session, layer, count, work, grad_inputs);
     Bf16Rows next = way(l - 1);
     next.mask = before;
-    Multiply(session, layer.backward.data(), layer.in, layer.out, count, work, next);
+    Multiply(session, layer.backward.data(), nullptr, layer.in, layer.out, count, work, next);
     grad = scratch;
   }
 }
@@ -141,7 +157,7 @@ void Bf16Mlp::InputGradients(const Bf16Session& session, const Layer& layer, int
     if (p.rows == part.rows) continue;
     Bf16Rows rest;
     rest.to = TileRow(part.to, p.rows);
-    Multiply(session, weights + p.rows * p.a_row, part.rows - p.rows, layer.out, count, work, rest);
+    Multiply(session, weights + p.rows * p.a_row, nullptr, part.rows - p.rows, layer.out, count, work, rest);
   }
 }
 

@@ -26,6 +26,20 @@ uint16_t ToBf16(float value) {
   return static_cast<uint16_t>((bits + 0x7fffU + (bits >> 16 & 1U)) >> 16);
 }
 
+float FromBf16(uint16_t value) {
+  const uint32_t bits = static_cast<uint32_t>(value) << 16;
+  float result = 0;
+  std::memcpy(&result, &bits, sizeof result);
+  return result;
+}
+
+std::vector<Bf16Unit> Bf16UnitsHere() {
+  std::vector<Bf16Unit> units;
+  if (FastestBf16() != Bf16Unit::kNone) units.push_back(Bf16Unit::kVectors);
+  if (FastestBf16() == Bf16Unit::kTiles) units.push_back(Bf16Unit::kTiles);
+  return units;
+}
+
 const char* NameOf(Bf16Unit unit) {
   switch (unit) {
     case Bf16Unit::kNone:
@@ -206,17 +220,25 @@ EDITNERF_VECTORS void StorePairs(__m512i even, __m512i odd, uint32_t* to) {
 }
 
 // What a MoveRows does: one bit each.
-enum Part : unsigned { kBias = 1, kRelu = 2, kMask = 4, kTo = 8, kPairs = 16, kPlain = 32, kSums = 64 };
+enum Part : unsigned { kBias = 1, kRelu = 2, kMask = 4, kTo = 8, kPairs = 16, kPlain = 32, kSums = 64, kRest = 128 };
 
 unsigned PartsOf(const Bf16Rows& p) {
   return (p.bias != nullptr ? kBias : 0U) | (p.relu ? kRelu : 0U) | (p.mask != nullptr ? kMask : 0U) |
          (p.to != nullptr ? kTo : 0U) | (p.pairs != nullptr ? kPairs : 0U) | (p.plain != nullptr ? kPlain : 0U) |
-         (p.sums != nullptr ? kSums : 0U);
+         (p.sums != nullptr ? kSums : 0U) | (p.rest != nullptr ? kRest : 0U);
 }
 
-// Thirty-two samples of a row, rounded.
+// Thirty-two samples of a row, rounded, and what rounding takes away.
+struct Samples {
+  __m512i rounded, rest;
+};
+
+EDITNERF_VECTORS inline __m512 Widened(__m256i values) {
+  return (__m512)_mm512_slli_epi32(_mm512_cvtepu16_epi32(values), 16);
+}
+
 template <unsigned kParts>
-EDITNERF_VECTORS inline __m512i MoveSamples(const Bf16Rows& p, int64_t row, int64_t s, __m512 bias, __m512* sum) {
+EDITNERF_VECTORS inline Samples MoveSamples(const Bf16Rows& p, int64_t row, int64_t s, __m512 bias, __m512* sum) {
   __m512 half[2];
   __mmask16 kept[2];
   for (int h = 0; h < 2; ++h) {
@@ -232,13 +254,20 @@ EDITNERF_VECTORS inline __m512i MoveSamples(const Bf16Rows& p, int64_t row, int6
     if constexpr ((kParts & (kSums | kPlain)) != 0) kept[h] = SamplesFrom(first, p.count);
     if constexpr ((kParts & kSums) != 0) *sum = _mm512_mask_add_ps(*sum, kept[h], *sum, half[h]);
   }
-  if constexpr ((kParts & (kPairs | kPlain)) == 0) return _mm512_setzero_si512();
+  Samples samples = {_mm512_setzero_si512(), _mm512_setzero_si512()};
+  if constexpr ((kParts & (kPairs | kPlain)) == 0) return samples;
   const auto packed = (__m512i)_mm512_cvtne2ps_pbh(half[1], half[0]);
   if constexpr ((kParts & kPlain) != 0) {
     const auto both = static_cast<__mmask32>(kept[0] | static_cast<uint32_t>(kept[1]) << 16);
     _mm512_storeu_si512(p.plain + row * kTile + s, _mm512_maskz_mov_epi16(both, packed));
   }
-  return packed;
+  samples.rounded = packed;
+  if constexpr ((kParts & kRest) != 0) {
+    const __m512 left = _mm512_sub_ps(half[0], Widened(_mm512_castsi512_si256(packed)));
+    const __m512 right = _mm512_sub_ps(half[1], Widened(_mm512_extracti64x4_epi64(packed, 1)));
+    samples.rest = (__m512i)_mm512_cvtne2ps_pbh(right, left);
+  }
+  return samples;
 }
 
 template <unsigned kParts>
@@ -256,10 +285,11 @@ EDITNERF_VECTORS void MoveRows(const Bf16Rows& p) {
       if (has_odd) sum[1] = _mm512_loadu_ps(p.sums + 16 * (row + 1));
     }
     for (int64_t s = 0; s < p.count; s += 32) {
-      const __m512i even = MoveSamples<kParts>(p, row, s, bias[0], &sum[0]);
-      __m512i odd = _mm512_setzero_si512();
+      const Samples even = MoveSamples<kParts>(p, row, s, bias[0], &sum[0]);
+      Samples odd = {_mm512_setzero_si512(), _mm512_setzero_si512()};
       if (has_odd) odd = MoveSamples<kParts>(p, row + 1, s, bias[1], &sum[1]);
-      if constexpr ((kParts & kPairs) != 0) StorePairs(even, odd, p.pairs + row / 2 * kTile + s);
+      if constexpr ((kParts & kPairs) != 0) StorePairs(even.rounded, odd.rounded, p.pairs + row / 2 * kTile + s);
+      if constexpr ((kParts & kRest) != 0) StorePairs(even.rest, odd.rest, p.rest + row / 2 * kTile + s);
     }
     if constexpr ((kParts & kSums) != 0) {
       _mm512_storeu_ps(p.sums + 16 * row, sum[0]);
@@ -271,8 +301,10 @@ EDITNERF_VECTORS void MoveRows(const Bf16Rows& p) {
 // Zeros behind the last row, up to a multiple of what products take.
 void PadRows(const Bf16Rows& p) {
   const int64_t samples = PaddedBf16Inner(p.count);
-  for (int64_t k = (p.rows + 1) / 2; p.pairs != nullptr && k < PaddedBf16Inner(p.rows) / 2; ++k) {
-    std::memset(p.pairs + k * kTile, 0, static_cast<size_t>(samples) * sizeof(uint32_t));
+  for (uint32_t* const to : {p.pairs, p.rest}) {
+    for (int64_t k = (p.rows + 1) / 2; to != nullptr && k < PaddedBf16Inner(p.rows) / 2; ++k) {
+      std::memset(to + k * kTile, 0, static_cast<size_t>(samples) * sizeof(uint32_t));
+    }
   }
   for (int64_t row = p.rows; p.plain != nullptr && row < PaddedBf16Rows(p.rows); ++row) {
     std::memset(p.plain + row * kTile, 0, static_cast<size_t>(samples) * sizeof(uint16_t));
@@ -380,11 +412,15 @@ double MeasureBf16Peak(Bf16Unit unit) {
 }
 
 void MoveBf16Rows(const Bf16Rows& rows) {
-  // An input; hidden layers and the output forward; gradients of the output and of hidden layers, whose weights' sums
-  // are [out, in] or [in, out], with and without the input's gradient; gradients of an input; activations.
-  MoveRowsAs<kPairs, kBias | kRelu | kTo | kPairs, kBias | kTo, kBias | kRelu | kTo, kSums | kPairs | kPlain,
-             kSums | kPairs, kSums | kPlain, kSums, kMask | kSums | kPairs | kPlain, kMask | kSums | kPairs | kTo,
-             kMask | kSums | kPlain, kMask | kSums | kTo, kTo, kPlain>(rows);
+  constexpr unsigned kHidden = kBias | kRelu | kPairs, kGradient = kSums | kMask;
+  MoveRowsAs<kPairs, kPairs | kRest,                                          // an input
+             kHidden, kHidden | kTo, kHidden | kRest, kHidden | kRest | kTo,  // a hidden layer's output
+             kBias | kTo, kBias | kRelu | kTo,                                // the last one's
+             kSums, kSums | kPairs, kSums | kPlain, kSums | kPairs | kPlain,  // its gradient
+             kGradient | kPairs | kPlain, kGradient | kPairs | kTo, kGradient | kPlain, kGradient | kTo,
+             kTo,     // an input's
+             kPlain>  // activations for a weight's
+      (rows);
   PadRows(rows);
 }
 

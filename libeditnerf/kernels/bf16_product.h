@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 namespace editnerf {
 
@@ -14,6 +15,8 @@ enum class Bf16Unit {
 
 // The fastest that this processor has. Asks the system once for leave to use tiles.
 Bf16Unit FastestBf16();
+
+std::vector<Bf16Unit> Bf16UnitsHere();  // all that it has, the fastest last
 
 // "no bfloat16", "AVX-512 BF16", "AMX BF16".
 const char* NameOf(Bf16Unit unit);
@@ -65,6 +68,7 @@ struct Bf16Rows {
   const float* mask = nullptr;  // [rows] of a tile: values stay where it is positive
   float* to = nullptr;          // [rows] of a tile
   uint32_t* pairs = nullptr;    // [padded rows / 2, kTile], as the b of a product over the rows; 0 behind the last
+  uint32_t* rest = nullptr;     // the same of what rounding took away
   uint16_t* plain = nullptr;    // [padded rows, kTile], as the a of a product over samples; 0 behind the last of both
   float* sums = nullptr;        // [rows, 16], added: over the samples, sixteen sums of a row that are to be added up
 };
@@ -77,5 +81,6 @@ void TransposeBf16Rows(const float* rows, int64_t num_rows, int64_t count, uint3
 
 // To the nearest bfloat16, ties to even; a NaN stays one.
 uint16_t ToBf16(float value);
+float FromBf16(uint16_t value);
 
 }  // namespace editnerf

@@ -51,7 +51,8 @@ FieldKernel::FieldKernel(const FusedField& field, const FusedStates& states)
       rows_(field),
       density_(field.density, field.bf16),
       color_(field.color, field.bf16),
-      weights_(field.weights),  // in float32: l is as exact as they are, and fine levels of its hash see a thousandth
+      // l is as exact as the weights are, and the finest cells of its hash are a thousandth of its cube.
+      weights_(field.weights, field.bf16, /*exact=*/true),
       slicing_(field.slicing, field.bf16) {
   CheckFused(field, states);
   open_levels_ = OpenLocalLevels(field);
@@ -145,7 +146,7 @@ void FieldKernel::ScaleByWindows(int64_t count, float* local_features) const {
 }
 
 // Key points, weights and what follows from them: the anchor p and its local coordinates.
-void FieldKernel::Anchors(const int32_t* state, int64_t count, TileMemory& tile) const {
+void FieldKernel::Anchors(const int32_t* state, int64_t count, bool for_gradients, TileMemory& tile) const {
   const int64_t n = field_.num_key_points;
   float *const anchor = tile.Row(rows_.anchor), *const ambient = tile.Row(rows_.ambient);
   if (n > 1 || field_.local_frames) SpreadRows(keys_, 3 * n, state, count, tile.Row(rows_.keys));
@@ -157,7 +158,7 @@ void FieldKernel::Anchors(const int32_t* state, int64_t count, TileMemory& tile)
   }
   const float* const x = tile.Row(rows_.x);
   EncodeTile(x, 3, field_.weight_octaves, 1, count, tile.Row(rows_.weight_in));
-  weights_.Forward(tile.Row(rows_.weight_in), count, tile.Row(rows_.weight_act));
+  weights_.Forward(tile.Row(rows_.weight_in), count, tile.Row(rows_.weight_act), for_gradients);
   float* const weights = tile.Row(rows_.weights);
   if (field_.prior > 0) {
     SubtractDistances(x, field_.anchors.data_ptr<float>(), n, field_.anchors.size(1), field_.prior, count, weights);
@@ -167,20 +168,21 @@ void FieldKernel::Anchors(const int32_t* state, int64_t count, TileMemory& tile)
               count, anchor, ambient);
 }
 
-void FieldKernel::Slices(const int32_t* state, int64_t count, TileMemory& tile) const {
+void FieldKernel::Slices(const int32_t* state, int64_t count, bool for_gradients, TileMemory& tile) const {
   float* const in = tile.Row(rows_.slicing_in);
   EncodeTile(tile.Row(rows_.x), 3, field_.slicing_octaves, 1, count, in);
   SpreadRows(codes_, field_.code_dim, state, count, TileRow(in, slicing_.in() - field_.code_dim));
-  slicing_.Forward(in, count, tile.Row(rows_.slicing_act));  // the last of its rows are the ambient coordinates
+  slicing_.Forward(in, count, tile.Row(rows_.slicing_act),
+                   for_gradients);  // the last of its rows are the ambient coordinates
 }
 
-void FieldKernel::Density(const int32_t* state, int64_t count, TileMemory& tile) const {
+void FieldKernel::Density(const int32_t* state, int64_t count, bool for_gradients, TileMemory& tile) const {
   float* const features = tile.Row(rows_.features);
   const float* const x = tile.Row(rows_.x);
   UnitCoordinates(x, field_.low.data(), field_.side, count, tile.Row(rows_.unit));
   Encode(field_.canonical, rows_.canonical_features / 2, tile.Row(rows_.unit), count, features);
-  if (field_.num_key_points > 0) Anchors(state, count, tile);
-  if (!slicing_.empty()) Slices(state, count, tile);
+  if (field_.num_key_points > 0) Anchors(state, count, for_gradients, tile);
+  if (!slicing_.empty()) Slices(state, count, for_gradients, tile);
   if (rows_.local_features > 0) {
     float* const encoded = TileRow(features, rows_.canonical_features);
     if (field_.local_frames) {
@@ -199,15 +201,15 @@ void FieldKernel::Density(const int32_t* state, int64_t count, TileMemory& tile)
     EncodeTile(tile.Row(rows_.ambient), field_.ambient_dim, field_.ambient_octaves, field_.ambient_window, count,
                TileRow(features, rows_.num_features - rows_.ambient_features));
   }
-  density_.Forward(features, count, tile.Row(rows_.density_act));
+  density_.Forward(features, count, tile.Row(rows_.density_act), for_gradients);
   DensityOf(tile.Row(rows_.density_out), field_.density_bias, field_.density_limit, count, tile.Row(rows_.density));
 }
 
-void FieldKernel::Color(const int32_t* state, int64_t count, TileMemory& tile) const {
+void FieldKernel::Color(const int32_t* state, int64_t count, bool for_gradients, TileMemory& tile) const {
   if (field_.appearance_dim > 0) {
     SpreadRows(appearances_, field_.appearance_dim, state, count, tile.Row(rows_.appearance));
   }
-  color_.Forward(tile.Row(rows_.density_out + 1), count, tile.Row(rows_.color_act));
+  color_.Forward(tile.Row(rows_.density_out + 1), count, tile.Row(rows_.color_act), for_gradients);
   Sigmoid(3, count, tile.Row(rows_.color));
 }
 

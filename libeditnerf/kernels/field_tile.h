@@ -42,10 +42,11 @@ class FieldKernel {
   int64_t num_states() const { return num_states_; }  // -1: any
 
   // From the rows x to density: everything up to and without the harmonics. state [count]: row of the states.
-  void Density(const int32_t* state, int64_t count, TileMemory& tile) const;
+  // for_gradients: whether Backward follows.
+  void Density(const int32_t* state, int64_t count, bool for_gradients, TileMemory& tile) const;
 
   // From there and the harmonics to the radiance.
-  void Color(const int32_t* state, int64_t count, TileMemory& tile) const;
+  void Color(const int32_t* state, int64_t count, bool for_gradients, TileMemory& tile) const;
 
   // Given grad_color, row 0 of grad_density_out and pull.
   void Backward(int64_t count, TileMemory& tile, TileMemory& scratch, FieldSums& sums, const TileGradients& to) const;
@@ -57,11 +58,11 @@ class FieldKernel {
   void AddToGradients(const FieldSums& sums) const;
 
  private:
-  void Anchors(const int32_t* state, int64_t count, TileMemory& tile) const;
+  void Anchors(const int32_t* state, int64_t count, bool for_gradients, TileMemory& tile) const;
   const float* WeightsOf(const TileMemory& tile) const {  // nullptr for one key point
     return field_.num_key_points > 1 ? tile.Row(rows_.weights) : nullptr;
   }
-  void Slices(const int32_t* state, int64_t count, TileMemory& tile) const;
+  void Slices(const int32_t* state, int64_t count, bool for_gradients, TileMemory& tile) const;
   void GoToRooms(int64_t count, TileMemory& tile) const;
   void RoomsBackward(int64_t count, const float* grad, float factor, float* grad_weights) const;
   void ScaleByWindows(int64_t count, float* local_features) const;

@@ -72,7 +72,7 @@ struct FusedField {
   bool use_direction = false;
   int64_t appearance_dim = 0;
 
-  // For the products of all networks but the weights'; with one, tables are looked up in their copies. None: float32.
+  // For the products; with one, tables are looked up in their copies. None: float32.
   Bf16Unit bf16 = Bf16Unit::kNone;
 };
 

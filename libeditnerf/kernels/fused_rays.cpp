@@ -216,7 +216,7 @@ at::Tensor FusedDensity(const FieldKernel& field, const at::Tensor& x, const at:
         for (int axis = 0; axis < 3; ++axis) tile.Row(field.rows().x + axis)[s] = in[3 * (begin + s) + axis];
         own[s] = static_cast<int32_t>(from[begin + s]);
       }
-      field.Density(own, count, tile);
+      field.Density(own, count, /*for_gradients=*/false, tile);
       std::copy_n(tile.Row(field.rows().density), count, out + begin);
     }
   });

@@ -48,7 +48,7 @@ int64_t RayBundle::Fill(const FieldKernel& field, const BundledRays& rays, bool 
     if (active_.empty()) break;
     AskForSamples(rays);
     if (wave_.count > 0) {
-      field.Density(wave_.state, wave_.count, wave_.memory);
+      field.Density(wave_.state, wave_.count, for_gradients, wave_.memory);
       StopRays(opaque, rays.delta);
       KeepSamples(kept_rows);
     }

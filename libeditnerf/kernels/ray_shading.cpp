@@ -40,7 +40,7 @@ void RayShading::FindHarmonics(const FieldKernel& field, const BundledRays& rays
 
 // Given the slots and the density network's output.
 void RayShading::ColorTile(const FieldKernel& field, const BundledRays& rays, const RayBundle& bundle, int64_t count,
-                           TileMemory& tile, int32_t* state) const {
+                           bool for_gradients, TileMemory& tile, int32_t* state) const {
   const FieldRows& rows = field.rows();
   const float* const slots = tile.Row(rows.slot);
   for (int64_t s = 0; s < count; ++s) {
@@ -52,14 +52,14 @@ void RayShading::ColorTile(const FieldKernel& field, const BundledRays& rays, co
       column[k * kTileStride] = harmonics_[static_cast<size_t>(slot * kNumHarmonics + k)];
     }
   }
-  field.Color(state, count, tile);
+  field.Color(state, count, for_gradients, tile);
 }
 
 void RayShading::Color(const FieldKernel& field, const BundledRays& rays, RayBundle& bundle) {
   FindHarmonics(field, rays, bundle);
   for (int64_t i = 0; i < bundle.num_tiles(); ++i) {
     RayBundle::Tile& tile = bundle.tile(i);
-    ColorTile(field, rays, bundle, tile.count, tile.memory, tile.state);
+    ColorTile(field, rays, bundle, tile.count, /*for_gradients=*/true, tile.memory, tile.state);
   }
 }
 
@@ -97,7 +97,7 @@ int64_t RayShading::ColorSeen(const FieldKernel& field, const BundledRays& rays,
   seen_rows_ = rows.count;
   int32_t state[kTileStride] = {};
   const auto evaluate = [&](int64_t count) {
-    ColorTile(field, rays, bundle, count, *seen_[0], state);
+    ColorTile(field, rays, bundle, count, /*for_gradients=*/false, *seen_[0], state);
     for (int c = 0; c < 3; ++c) {
       const float* const color = seen_[0]->Row(rows.color + c);
       for (int64_t s = 0; s < count; ++s) {
@@ -151,7 +151,7 @@ void RayShading::GatherColors(const FieldRows& rows, RayBundle& bundle) {
 }
 
 float RayShading::FrontOf(const BundledRays& rays, int64_t ray, Samples samples) const {
-  const double thick = -std::log1p(-kFrontShare);
+  static const double thick = -std::log1p(-kFrontShare);
   const auto begin = static_cast<size_t>(samples.begin), end = static_cast<size_t>(samples.end);
   for (size_t s = begin; s < end; ++s) {
     if (static_cast<double>(before_[s]) + tau_[s] < thick) continue;

@@ -64,7 +64,7 @@ class RayShading {
   };
   void FindHarmonics(const FieldKernel& field, const BundledRays& rays, const RayBundle& bundle);
   void ColorTile(const FieldKernel& field, const BundledRays& rays, const RayBundle& bundle, int64_t count,
-                 TileMemory& tile, int32_t* state) const;
+                 bool for_gradients, TileMemory& tile, int32_t* state) const;
   void Color(const FieldKernel& field, const BundledRays& rays, RayBundle& bundle);
   int64_t ColorSeen(const FieldKernel& field, const BundledRays& rays, double color_error, RayBundle& bundle);
   int64_t ChooseSeen(double color_error, RayBundle& bundle);

@@ -16,7 +16,7 @@ bool HasTransposedSums(int64_t in, int64_t out) { return out < in && 2 * out >= 
 
 }  // namespace
 
-TileMlp::TileMlp(const MlpLayers& layers, Bf16Unit bf16) {
+TileMlp::TileMlp(const MlpLayers& layers, Bf16Unit bf16, bool exact) {
   for (size_t l = 0; l < layers.weights.size(); ++l) {
     Layer layer;
     layer.out = layers.weights[l].size(0);
@@ -28,12 +28,12 @@ TileMlp::TileMlp(const MlpLayers& layers, Bf16Unit bf16) {
     widest_ = std::max({widest_, PaddedWidth(layer.out), PaddedWidth(layer.in)});
     layers_.push_back(layer);
   }
-  if (bf16 != Bf16Unit::kNone && !empty()) bf16_ = std::make_shared<const Bf16Mlp>(layers, bf16);
+  if (bf16 != Bf16Unit::kNone && !empty()) bf16_ = std::make_shared<const Bf16Mlp>(layers, bf16, exact);
 }
 
-void TileMlp::Forward(const float* input, int64_t count, float* activations) const {
+void TileMlp::Forward(const float* input, int64_t count, float* activations, bool keep_hidden) const {
   const ThreadPhase phase(Phase::kProducts);
-  if (bf16_) return bf16_->Forward(input, count, activations);
+  if (bf16_) return bf16_->Forward(input, count, activations, keep_hidden);
   const float* before = input;
   float* after = activations;
   for (const Layer& layer : layers_) {

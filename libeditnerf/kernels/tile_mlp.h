@@ -17,8 +17,8 @@ class TileMlp {
  public:
   TileMlp() = default;  // no network at all
   // Reads the tensors' memory, which must outlive this: float32, contiguous, on the CPU. With a unit, one that this
-  // processor has, products are in bfloat16, and changes to the weights are not seen.
-  explicit TileMlp(const MlpLayers& layers, Bf16Unit bf16 = Bf16Unit::kNone);
+  // processor has, products are in bfloat16, and changes to the weights are not seen; `exact`: as bf16_mlp.h has it.
+  explicit TileMlp(const MlpLayers& layers, Bf16Unit bf16 = Bf16Unit::kNone, bool exact = false);
 
   bool empty() const { return layers_.empty(); }
   int64_t in() const { return layers_.front().in; }
@@ -27,8 +27,9 @@ class TileMlp {
   int64_t output_row() const { return activation_rows_ - out(); }
   int64_t scratch_rows() const { return 2 * widest_; }  // that Backward needs
 
-  // input [in rows] -> activations [activation_rows()].
-  void Forward(const float* input, int64_t count, float* activations) const;
+  // input [in rows] -> activations [activation_rows()]. Without keep_hidden, all but the output may be left as they
+  // are, and there is no way back.
+  void Forward(const float* input, int64_t count, float* activations, bool keep_hidden = true) const;
 
   // Adds to the sums of the weights' gradients and writes the parts of the input's gradient that are asked for, given
   // that of the output [out rows]. The output layer must be linear. scratch: [scratch_rows()].

@@ -21,6 +21,7 @@
 #include "libeditnerf/tracking/still_depth.h"
 #include "libeditnerf/training/memory_plan.h"
 #include "libeditnerf/training/trainer.h"
+#include "libeditnerf/training/warm_start.h"
 
 namespace editnerf {
 namespace {
@@ -65,6 +66,18 @@ LoadedRun Reopen(const Scene& scene, const StageRequest& request, FieldStage sta
   return loaded;
 }
 
+void StartWarm(const StageRequest& request, Run* run) {
+  if (request.pretrained.empty()) return LogInfo("no pretrained run is given: training starts without one");
+  const Run pretrained = LoadRun(request.pretrained, request.device);
+  if (TrainingIds(pretrained.scene) != TrainingIds(run->scene)) {
+    Throw<CheckpointError>("{}: pretrained on other frames than {} has", request.pretrained.string(), run->scene.name);
+  }
+  const int64_t taken = TakeOverStaticScene(pretrained, run);
+  if (taken == 0)
+    return LogWarning("{}: a field of another kind or size: nothing of it is taken over", request.pretrained.string());
+  LogInfo("starting from the static scene of {} ({} values)", request.pretrained.string(), taken);
+}
+
 Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage, DetectedKeyPoints detected,
                const DepthTargets& depth) {
   LoadedRun loaded;
@@ -74,6 +87,7 @@ Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage
     LogInfo("continuing {} at step {}", request.out.string(), loaded.run.counters.step);
   } else {
     loaded.run = MakeRun(request.config, stage, scene, detected.tracks, request.device, detected.turns);
+    if (stage == FieldStage::kTrain && request.config.train.warm_start) StartWarm(request, &loaded.run);
   }
   loaded.run.scene_path = fs::absolute(request.scene_folder).lexically_normal().string();
   LogInfo("{}", ToText(PlanMemory(loaded.run, scene)));

@@ -20,7 +20,8 @@ struct StageRequest {
   std::filesystem::path out;  // run folder
   Config config;
   torch::Device device = torch::kCPU;
-  bool resume = false;  // continue from a checkpoint in `out`, where there is one
+  bool resume = false;               // continue from a checkpoint in `out`, where there is one
+  std::filesystem::path pretrained;  // run folder that train.warm_start takes from; empty: none
 };
 
 // A scene folder, or a packed scene (*.safetensors). Throws DataError.

@@ -143,6 +143,7 @@ void RunWholeWay(const WholeWayRequest& request) {
         scene_folder);
   });
   stage.out = work / "run";
+  stage.pretrained = work / "pretrained";
   book.Do("train", [&] {
     if (request.time_budget > 0) config.train.seconds = std::max(kFewestSeconds, (1 - kReportShare) * left());
     stage.config = config;

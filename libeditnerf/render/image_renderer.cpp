@@ -3,6 +3,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 #include <vector>
 
@@ -13,11 +14,13 @@
 namespace editnerf {
 namespace {
 
+constexpr int64_t kRows = 16;  // of pixels, to a thread at a time
+
 // Unit directions [H * W, 3] through the pixel centres.
 torch::Tensor PixelDirections(const Camera& camera) {
   auto directions = torch::empty({camera.height * camera.width, 3}, torch::kFloat64);
   double* const out = directions.data_ptr<double>();
-  ParallelFor(camera.height, 16, [&](int64_t begin, int64_t end) {
+  ParallelFor(camera.height, kRows, [&](int64_t begin, int64_t end) {
     for (int64_t row = begin; row < end; ++row) {
       for (int64_t column = 0; column < camera.width; ++column) {
         const Vec3 d = camera.DirectionThrough(static_cast<double>(column) + 0.5, static_cast<double>(row) + 0.5);
@@ -42,15 +45,18 @@ constexpr double kColorError = 1.0 / 256;
 
 // Pixels [P] int64 of each lattice that no coarser one has.
 std::vector<torch::Tensor> LatticePixels(const Camera& camera) {
-  const auto row = torch::arange(camera.height, torch::kInt64).unsqueeze(1);
-  const auto column = torch::arange(camera.width, torch::kInt64).unsqueeze(0);
   std::vector<torch::Tensor> levels;
-  torch::Tensor left = torch::ones({camera.height, camera.width}, torch::kBool);
+  int64_t coarser = 0;
   for (const int64_t spacing : kLattice) {
-    const auto on =
-        torch::logical_and(torch::logical_and(row.remainder(spacing) == 0, column.remainder(spacing) == 0), left);
-    levels.push_back(on.view({-1}).nonzero().squeeze(1));
-    left = torch::logical_and(left, on.logical_not());
+    std::vector<int64_t> pixels;
+    for (int64_t row = 0; row < camera.height; row += spacing) {
+      for (int64_t column = 0; column < camera.width; column += spacing) {
+        if (coarser > 0 && row % coarser == 0 && column % coarser == 0) continue;
+        pixels.push_back(row * camera.width + column);
+      }
+    }
+    levels.push_back(torch::tensor(pixels, torch::kInt64));
+    coarser = spacing;
   }
   return levels;
 }
@@ -61,16 +67,21 @@ torch::Tensor NearestAround(const torch::Tensor& front, int64_t radius) {
   torch::Tensor rows = torch::empty_like(front), nearest = torch::empty_like(front);
   const float* const from = front.data_ptr<float>();
   float *const along = rows.data_ptr<float>(), *const to = nearest.data_ptr<float>();
-  for (int64_t i = 0; i < height * width; ++i) {
-    const int64_t x = i % width, first = std::max<int64_t>(x - radius, 0), last = std::min(x + radius, width - 1);
-    along[i] = *std::min_element(from + i - x + first, from + i - x + last + 1);
-  }
-  std::copy_n(along, height * width, to);
-  for (int64_t y = 0; y < height; ++y) {
-    for (int64_t other = std::max<int64_t>(y - radius, 0); other <= std::min(y + radius, height - 1); ++other) {
-      for (int64_t x = 0; x < width; ++x) to[y * width + x] = std::min(to[y * width + x], along[other * width + x]);
+  ParallelFor(height, kRows, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin * width; i < end * width; ++i) {
+      const int64_t x = i % width, first = std::max<int64_t>(x - radius, 0), last = std::min(x + radius, width - 1);
+      along[i] = *std::min_element(from + i - x + first, from + i - x + last + 1);
     }
-  }
+  });
+  ParallelFor(height, kRows, [&](int64_t begin, int64_t end) {
+    for (int64_t y = begin; y < end; ++y) {
+      float* const out = to + y * width;
+      std::copy_n(along + y * width, width, out);
+      for (int64_t other = std::max<int64_t>(y - radius, 0); other <= std::min(y + radius, height - 1); ++other) {
+        for (int64_t x = 0; x < width; ++x) out[x] = std::min(out[x], along[other * width + x]);
+      }
+    }
+  });
   return nearest;
 }
 
@@ -78,6 +89,23 @@ struct Piece {
   torch::Tensor pixels;  // [P]
   RayResult result;
 };
+
+// to[pixels[i]] = rows[i]
+void CopyRows(const torch::Tensor& rows, const torch::Tensor& pixels, torch::Tensor& to) {
+  if (!rows.is_cpu() || !rows.is_contiguous()) {
+    to.index_copy_(0, pixels, rows);
+    return;
+  }
+  const auto bytes = static_cast<int64_t>(rows.element_size()) * (rows.dim() > 1 ? rows.size(1) : 1);
+  const auto* const from = static_cast<const char*>(rows.data_ptr());
+  auto* const out = static_cast<char*>(to.data_ptr());
+  const int64_t* const pixel = pixels.data_ptr<int64_t>();
+  ParallelFor(pixels.size(0), 4096, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      std::memcpy(out + pixel[i] * bytes, from + i * bytes, static_cast<size_t>(bytes));
+    }
+  });
+}
 
 torch::Tensor Joined(const std::vector<Piece>& pieces, torch::Tensor RayResult::*member, const Camera& camera) {
   torch::Tensor joined;
@@ -89,7 +117,7 @@ torch::Tensor Joined(const std::vector<Piece>& pieces, torch::Tensor RayResult::
       shape[0] = camera.height * camera.width;
       joined = torch::empty(shape, part.options());
     }
-    joined.index_copy_(0, piece.pixels, part);
+    CopyRows(part, piece.pixels, joined);
   }
   return joined.dim() == 1 ? joined.view({camera.height, camera.width})
                            : joined.view({camera.height, camera.width, joined.size(1)});

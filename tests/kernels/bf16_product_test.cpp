@@ -2,6 +2,7 @@
 
 #include <torch/torch.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -15,16 +16,9 @@ using namespace editnerf;
 namespace {
 
 std::vector<Bf16Unit> UnitsHere() {
-  switch (FastestBf16()) {
-    case Bf16Unit::kNone:
-      break;
-    case Bf16Unit::kVectors:
-      return {Bf16Unit::kVectors};
-    case Bf16Unit::kTiles:
-      return {Bf16Unit::kVectors, Bf16Unit::kTiles};
-  }
-  WARN("this processor has no bfloat16 products: skipped");
-  return {};
+  const std::vector<Bf16Unit> units = Bf16UnitsHere();
+  if (units.empty()) WARN("this processor has no bfloat16 products: skipped");
+  return units;
 }
 
 torch::Tensor Rounded(const torch::Tensor& values) { return values.to(torch::kBFloat16).to(torch::kFloat64); }
@@ -45,13 +39,6 @@ torch::Tensor RowsOf(const float* rows, int64_t num_rows, int64_t count) {
 
 double RelativeDifference(const torch::Tensor& found, const torch::Tensor& expected) {
   return (found.to(torch::kFloat64) - expected).norm().item<double>() / std::max(expected.norm().item<double>(), 1e-9);
-}
-
-float FromBf16(uint16_t value) {
-  const uint32_t bits = static_cast<uint32_t>(value) << 16;
-  float result = 0;
-  std::memcpy(&result, &bits, sizeof result);
-  return result;
 }
 
 struct Network {
@@ -107,6 +94,27 @@ TEST_CASE("networks in bfloat16 are those of rounded weights and activations, fo
         // A sum that falls on the other side of a rounding boundary moves by a 256th of itself.
         CHECK(RelativeDifference(RowsOf(activations.Row(mlp.output_row()), widths.back(), count),
                                  expected.to(torch::kFloat64)) < (widths.size() > 2 ? 1e-3 : 1e-6));
+      }
+    }
+  }
+}
+
+TEST_CASE("networks in two parts of bfloat16 are as exact as sixteen bits, for any widths and numbers of samples") {
+  torch::manual_seed(5);
+  for (const Bf16Unit unit : UnitsHere()) {
+    for (const std::vector<int64_t>& widths : {std::vector<int64_t>{1, 1}, {27, 32, 32, 2}, {31, 64, 64, 3}}) {
+      for (const int64_t count : {1, 31, 33, 128}) {
+        INFO(NameOf(unit) << ", " << widths.front() << " to " << widths.back() << ", " << count << " samples");
+        const Network network = RandomNetwork(widths);
+        const TileMlp mlp(network.layers, unit, /*exact=*/true);
+        const auto input = torch::randn({widths.front(), count});
+        const TileMemory in = TileOf(input);
+        for (const bool keep_hidden : {false, true}) {
+          TileMemory activations(mlp.activation_rows());
+          mlp.Forward(in.rows(), count, activations.rows(), keep_hidden);
+          const auto expected = MlpReference({input.t().contiguous()}, network.layers).t().to(torch::kFloat64);
+          CHECK(RelativeDifference(RowsOf(activations.Row(mlp.output_row()), widths.back(), count), expected) < 5e-5);
+        }
       }
     }
   }
