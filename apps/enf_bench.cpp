@@ -71,7 +71,8 @@ void AddRender(CLI::App& app, Arguments* a) {
   diagram->add_option("--seconds", a->diagram.seconds, "of training, for each")->check(CLI::PositiveNumber);
   diagram->add_option("--measurements", a->diagram.measurements, "of the error")->check(CLI::Range(1, 1000));
   diagram
-      ->add_option("--variants", a->variants, "some of fast, warp, appearance, no-direction, no-local, modules, paper")
+      ->add_option("--variants", a->variants,
+                   "some of fast, warp, appearance, no-direction, no-local, fp32, modules, paper")
       ->delimiter(',');
 }
 

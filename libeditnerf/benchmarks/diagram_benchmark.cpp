@@ -118,6 +118,7 @@ std::vector<DiagramVariant> DiagramVariants(const Config& fast, const Config& pa
   add("no-direction", "without the view direction", {"field.use_view_direction=false"});
   // A hash grid of a hundredth of the scene around the key point is none.
   add("no-local", "without the hash grid in the key points' frame", {"field.fast.local_extent=0.01"});
+  add("fp32", "with all products and tables in float32", {"field.fast.kernel=fp32"});
   add("modules", "module by module", {"field.fast.kernel=modules"});
   Config batches = paper;
   batches.train.rays_per_step = std::min(batches.train.rays_per_step, kPaperRays);

@@ -15,8 +15,9 @@ struct DiagramVariant {
   Config config;
 };
 
-// "fast" as given; "warp", "appearance", "no-direction" and "no-local": that with a component more or less; "modules":
-// that without the fused pass; and "paper", the paper's networks with batches that a processor can take.
+// "fast" as given; "warp", "appearance", "no-direction" and "no-local": that with a component more or less; "fp32": in
+// float32; "modules": that without the fused pass; and "paper", the paper's networks with batches that a processor can
+// take.
 std::vector<DiagramVariant> DiagramVariants(const Config& fast, const Config& paper);
 
 struct DiagramBenchmark {

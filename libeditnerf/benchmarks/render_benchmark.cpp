@@ -45,9 +45,9 @@ PictureCosts Measure(const Run& run, int64_t width, int64_t height, int64_t fram
   return {1e3 * Median(seconds), 1e3 * Median(processor), Median(samples)};
 }
 
-Run ByModules(const Run& run) {
+Run WithKernel(const Run& run, const char* kernel) {
   Config config = run.config;
-  config.field.fast.kernel = "modules";
+  config.field.fast.kernel = kernel;
   BenchScene bench;
   bench.scene = run.scene;
   const torch::NoGradGuard no_grad;
@@ -87,9 +87,11 @@ BenchmarkResult RunRenderBenchmark(const Run& run, const RenderBenchmark& option
   add("preview", width, height, Measure(run, width, height, options.frames));
   bar.Update(++done);
   if (!options.sizes.empty()) {
-    const auto [w, h] = *std::min_element(options.sizes.begin(), options.sizes.end());
+    const auto [w, h] = options.sizes[options.sizes.size() / 2];
+    add("float32", w, h, Measure(WithKernel(run, "fp32"), w, h, options.frames));
+    const auto [least_w, least_h] = *std::min_element(options.sizes.begin(), options.sizes.end());
     const int64_t few = std::min<int64_t>(options.frames, 3);
-    add("modules", w, h, Measure(ByModules(run), w, h, few));
+    add("modules", least_w, least_h, Measure(WithKernel(run, "modules"), least_w, least_h, few));
   }
   StartPhaseClock();
   const PictureCosts clocked = Measure(run, 2 * width, 2 * height, 1);

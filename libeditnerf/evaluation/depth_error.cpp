@@ -8,9 +8,10 @@
 
 namespace editnerf {
 
-std::vector<DepthError> MeasureDepthErrors(const torch::Tensor& depth, const Scene& scene) {
+std::vector<DepthError> MeasureDepthErrors(const torch::Tensor& depth, const Scene& scene,
+                                           const std::vector<int64_t>& rows) {
   if (!scene.truth) Throw<DataError>("scene '{}': measuring depth takes ground truth, and it has none", scene.name);
-  const auto frames = torch::tensor(scene.train, torch::kInt64);
+  const auto frames = torch::tensor(scene.train, torch::kInt64).index_select(0, torch::tensor(rows, torch::kInt64));
   const auto truth = scene.truth->depth.index_select(0, frames), mask = scene.truth->mask.index_select(0, frames);
   CheckShape(depth, {truth.size(0), truth.size(1), truth.size(2)}, "depth");
   const auto error = ((depth.to(torch::kFloat32) - truth).abs() / truth).nan_to_num(1.0);

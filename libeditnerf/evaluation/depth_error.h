@@ -18,10 +18,11 @@ struct DepthError {
   int64_t pixels = 0;
 };
 
-// depth [T, H, W], NaN where there is no surface, of the scene's training frames in order. Pixels at which the truth
-// hits nothing are left out, and so are parts without pixels. Throws DataError if the scene has no ground truth, and
-// ShapeError.
-std::vector<DepthError> MeasureDepthErrors(const torch::Tensor& depth, const Scene& scene);
+// depth [K, H, W], NaN where there is no surface, of training frames number rows[0] to rows[K - 1] of the scene. Pixels
+// at which the truth hits nothing are left out, and so are parts without pixels. Throws DataError if the scene has no
+// ground truth, and ShapeError.
+std::vector<DepthError> MeasureDepthErrors(const torch::Tensor& depth, const Scene& scene,
+                                           const std::vector<int64_t>& rows);
 
 // One line of the log for each part on which distances are known; none without ground truth.
 void LogDepthTargetErrors(const Scene& scene, const DepthTargets& targets);

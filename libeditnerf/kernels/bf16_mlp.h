@@ -11,6 +11,7 @@
 
 #include "libeditnerf/kernels/aligned_memory.h"
 #include "libeditnerf/kernels/bf16_product.h"
+#include "libeditnerf/kernels/bf16_rows.h"
 #include "libeditnerf/kernels/fused_mlp.h"
 #include "libeditnerf/kernels/tile_mlp_sums.h"
 

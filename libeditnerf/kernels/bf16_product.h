@@ -1,29 +1,11 @@
-// Products of small matrices in bfloat16, summed in float32, by the instructions that some processors have for them:
-// tiles (AMX), or pairs in vectors (AVX-512 BF16). The operands are made here from the rows of a tile (tile.h).
+// Products of small matrices in bfloat16, summed in float32. bf16_rows.h makes their operands.
 #pragma once
 
 #include <cstdint>
-#include <vector>
+
+#include "libeditnerf/kernels/bf16_unit.h"
 
 namespace editnerf {
-
-enum class Bf16Unit {
-  kNone,
-  kVectors,  // vdpbf16ps: twice float32's speed on some processors, half of it on others
-  kTiles,    // tdpbf16ps: about ten times
-};
-
-// The fastest that this processor has. Asks the system once for leave to use tiles.
-Bf16Unit FastestBf16();
-
-std::vector<Bf16Unit> Bf16UnitsHere();  // all that it has, the fastest last
-
-// "no bfloat16", "AVX-512 BF16", "AMX BF16".
-const char* NameOf(Bf16Unit unit);
-
-// Multiply-adds (two operations each) of operands that never leave the registers: operations per second of this thread,
-// the largest of several short loops. 0 where there is no such unit.
-double MeasureBf16Peak(Bf16Unit unit);
 
 constexpr int64_t kBf16Rows = 16;   // multiples of which results have, rows and columns
 constexpr int64_t kBf16Inner = 32;  // and which the inner dimension has
@@ -58,29 +40,8 @@ struct Bf16Product {
 
 void MultiplyBf16(const Bf16Product& product, const Bf16Session& session);
 
-// Rows of samples on their way from one product to the next. What is nullptr is left out.
-struct Bf16Rows {
-  const float* from = nullptr;  // [rows] of `stride` floats
-  int64_t stride = 0;
-  int64_t rows = 0, count = 0;  // count: samples, at most kTile
-  const float* bias = nullptr;  // [rows], added
-  bool relu = false;
-  const float* mask = nullptr;  // [rows] of a tile: values stay where it is positive
-  float* to = nullptr;          // [rows] of a tile
-  uint32_t* pairs = nullptr;    // [padded rows / 2, kTile], as the b of a product over the rows; 0 behind the last
-  uint32_t* rest = nullptr;     // the same of what rounding took away
-  uint16_t* plain = nullptr;    // [padded rows, kTile], as the a of a product over samples; 0 behind the last of both
-  float* sums = nullptr;        // [rows, 16], added: over the samples, sixteen sums of a row that are to be added up
-};
-
-void MoveBf16Rows(const Bf16Rows& rows);
-
-// out [kTile / 2, stride]: row k holds samples 2 k and 2 k + 1 of every row of a tile, as the b of a product over the
-// samples; 0 behind the last, up to padded samples and rows.
-void TransposeBf16Rows(const float* rows, int64_t num_rows, int64_t count, uint32_t* out, int64_t stride);
-
-// To the nearest bfloat16, ties to even; a NaN stays one.
-uint16_t ToBf16(float value);
-float FromBf16(uint16_t value);
+// Multiply-adds (two operations each) of operands that never leave the registers: operations per second of this thread,
+// the largest of several short loops. 0 where there is no such unit.
+double MeasureBf16Peak(Bf16Unit unit);
 
 }  // namespace editnerf

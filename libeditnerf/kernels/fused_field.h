@@ -17,8 +17,8 @@
 #include <memory>
 #include <vector>
 
-#include "libeditnerf/kernels/bf16_product.h"
 #include "libeditnerf/kernels/bf16_table.h"
+#include "libeditnerf/kernels/bf16_unit.h"
 #include "libeditnerf/kernels/fused_mlp.h"
 
 namespace editnerf {

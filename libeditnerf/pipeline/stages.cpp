@@ -31,6 +31,7 @@ namespace fs = std::filesystem;
 // Surface maps are marched in finer steps than pictures: the median depth is known to half a step only, and near the
 // camera a step of training is some percent of the depth.
 constexpr int64_t kFinerSurfaces = 3;
+constexpr int64_t kMeasuredSurfaces = 16;  // frames whose depth is compared with the truth
 
 bool HasCheckpoint(const fs::path& folder) { return fs::exists(folder / "checkpoint.safetensors"); }
 
@@ -142,14 +143,44 @@ void CheckSameScene(const Run& run, const Scene& scene) {
   }
 }
 
+namespace {
+
+// The surface that training frame number `row` sees, at a share `factor` of its size.
+RenderedImage RenderSurface(const Run& run, const Scene& scene, int64_t row, double factor) {
+  const auto reduced = [&](int64_t side) {
+    return std::max<int64_t>(1, std::llround(static_cast<double>(side) * factor));
+  };
+  const Camera& camera = scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(row)])].camera;
+  ImageOptions options;
+  options.tensor = torch::TensorOptions(torch::kFloat32).device(run.device);
+  options.exact = true;  // detection stands on it
+  options.depth_only = run.config.render.sampler == "occupancy";
+  options.march_steps = kFinerSurfaces * run.config.render.march_steps;
+  return RenderImage(*run.field, *run.renderer,
+                     factor < 1 ? camera.Resized(reduced(scene.width()), reduced(scene.height())) : camera,
+                     run.field->States(torch::tensor({row}, torch::kInt64).to(run.device)), options);
+}
+
+// Of some frames in their full size: the maps of all are smaller, and a pixel of theirs spans a piece of the floor.
+void MeasureDepth(const Run& run, const Scene& scene, const fs::path& path) {
+  const torch::NoGradGuard no_grad;
+  const auto frames = static_cast<int64_t>(scene.train.size()), count = std::min(frames, kMeasuredSurfaces);
+  std::vector<torch::Tensor> depth;
+  std::vector<int64_t> rows;
+  for (int64_t i = 0; i < count; ++i) {
+    rows.push_back((2 * i + 1) * frames / (2 * count));
+    depth.push_back(RenderSurface(run, scene, rows.back(), 1).depth.to(torch::kCPU));
+  }
+  WriteDepthErrors(MeasureDepthErrors(torch::stack(depth), scene, rows), path);
+}
+
+}  // namespace
+
 PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels) {
   const torch::NoGradGuard no_grad;
   const int64_t height = scene.height(), width = scene.width(), count = static_cast<int64_t>(scene.train.size());
   const double pixels = static_cast<double>(height * width * count);
   const double factor = std::min(1.0, std::sqrt(static_cast<double>(max_pixels) / pixels));
-  const auto reduced = [&](int64_t side) {
-    return std::max<int64_t>(1, std::llround(static_cast<double>(side) * factor));
-  };
   run.field->eval();
   PretrainedMaps maps;
   // Written in place: a list of all maps and their stack would take twice the memory, which long sequences do not have.
@@ -164,16 +195,7 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
   };
   Progress bar("surfaces", static_cast<double>(count));
   for (int64_t t = 0; t < count; ++t) {
-    const Camera& camera = scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(t)])].camera;
-    const FrameStates states = run.field->States(torch::tensor({t}, torch::kInt64).to(run.device));
-    ImageOptions options;
-    options.tensor = torch::TensorOptions(torch::kFloat32).device(run.device);
-    options.exact = true;  // detection stands on it
-    options.depth_only = run.config.render.sampler == "occupancy";
-    options.march_steps = kFinerSurfaces * run.config.render.march_steps;
-    const RenderedImage image =
-        RenderImage(*run.field, *run.renderer, factor < 1 ? camera.Resized(reduced(width), reduced(height)) : camera,
-                    states, options);
+    const RenderedImage image = RenderSurface(run, scene, t, factor);
     store(image.depth, t, &maps.depth);
     store(image.ambient, t, &maps.ambient);
     if (run.config.field.warp.enabled) store(image.x_canonical, t, &maps.x_canonical);
@@ -191,7 +213,7 @@ void RunPretraining(const Scene& scene, const StageRequest& request) {
   Run run = TrainStage(scene, request, FieldStage::kPretrain, {}, depth);
   const PretrainedMaps maps = RenderSurfaceMaps(run, scene);
   WritePretrainedMaps(maps, scene, request.out);
-  if (scene.truth) WriteDepthErrors(MeasureDepthErrors(maps.depth, scene), request.out / "depth_error.json");
+  if (scene.truth) MeasureDepth(run, scene, request.out / "depth_error.json");
 }
 
 void CheckTraining(const Config& config) {

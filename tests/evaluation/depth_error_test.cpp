@@ -34,7 +34,7 @@ TEST_CASE("depth errors are measured for each part, relative to the true depth")
   depth[0][1].fill_(2.2F);
   depth[0][1][3] = std::numeric_limits<float>::quiet_NaN();
   depth[0][1][4] = 0.0F;
-  const auto errors = MeasureDepthErrors(depth, TwoParts());
+  const auto errors = MeasureDepthErrors(depth, TwoParts(), {0});
   REQUIRE(errors.size() == 2);
   CHECK(errors[0].part == "static");
   CHECK(errors[0].pixels == 9);
@@ -47,7 +47,7 @@ TEST_CASE("depth errors are measured for each part, relative to the true depth")
 
 TEST_CASE("depth errors take ground truth of the right size") {
   Scene scene = TwoParts();
-  CHECK_THROWS_AS(MeasureDepthErrors(torch::zeros({2, 2, 10}), scene), ShapeError);
+  CHECK_THROWS_AS(MeasureDepthErrors(torch::zeros({2, 2, 10}), scene, {0}), ShapeError);
   scene.truth.reset();
-  CHECK_THROWS_AS(MeasureDepthErrors(torch::zeros({1, 2, 10}), scene), DataError);
+  CHECK_THROWS_AS(MeasureDepthErrors(torch::zeros({1, 2, 10}), scene, {0}), DataError);
 }
