@@ -7,35 +7,21 @@
 #include <limits>
 #include <vector>
 
-#include "libeditnerf/kernels/tile.h"
 #include "libeditnerf/kernels/tile_mlp.h"
 #include "tests/catch.h"
+#include "tests/kernels/tile_rows.h"
 
 using namespace editnerf;
 
 namespace {
 
 std::vector<Bf16Unit> UnitsHere() {
-  const std::vector<Bf16Unit> units = Bf16UnitsHere();
+  std::vector<Bf16Unit> units = Bf16UnitsHere();
   if (units.empty()) WARN("this processor has no bfloat16 products: skipped");
   return units;
 }
 
 torch::Tensor Rounded(const torch::Tensor& values) { return values.to(torch::kBFloat16).to(torch::kFloat64); }
-
-// [num_rows, count] into the rows of a tile, with NaN behind.
-TileMemory TileOf(const torch::Tensor& values) {
-  TileMemory tile(values.size(0));
-  for (int64_t r = 0; r < values.size(0); ++r) {
-    std::fill_n(tile.Row(r), kTileStride, std::numeric_limits<float>::quiet_NaN());
-    for (int64_t s = 0; s < values.size(1); ++s) tile.Row(r)[s] = values[r][s].item<float>();
-  }
-  return tile;
-}
-
-torch::Tensor RowsOf(const float* rows, int64_t num_rows, int64_t count) {
-  return torch::from_blob(const_cast<float*>(rows), {num_rows, count}, {kTileStride, 1}, torch::kFloat32).clone();
-}
 
 double RelativeDifference(const torch::Tensor& found, const torch::Tensor& expected) {
   return (found.to(torch::kFloat64) - expected).norm().item<double>() / std::max(expected.norm().item<double>(), 1e-9);

@@ -8,27 +8,14 @@
 #include "libeditnerf/kernels/tile_layout.h"
 #include "tests/catch.h"
 #include "tests/kernels/each_target.h"
+#include "tests/kernels/tile_rows.h"
 
 using namespace editnerf;
 
 namespace {
 
-// [num_rows, count] into the rows of a tile, with NaN behind.
-TileMemory TileOf(const torch::Tensor& values) {
-  TileMemory tile(values.size(0));
-  for (int64_t r = 0; r < values.size(0); ++r) {
-    std::fill_n(tile.Row(r), kTileStride, std::numeric_limits<float>::quiet_NaN());
-    for (int64_t s = 0; s < values.size(1); ++s) tile.Row(r)[s] = values[r][s].item<float>();
-  }
-  return tile;
-}
-
 torch::Tensor Rows(const TileMemory& tile, int64_t num_rows, int64_t count) {
-  const auto values = torch::empty({num_rows, count});
-  for (int64_t r = 0; r < num_rows; ++r) {
-    for (int64_t s = 0; s < count; ++s) values[r][s] = tile.Row(r)[s];
-  }
-  return values;
+  return RowsOf(tile.rows(), num_rows, count);
 }
 
 }  // namespace
