@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "libeditnerf/imaging/json_file.h"
+#include "libeditnerf/kernels/bf16_unit.h"
 #include "libeditnerf/poses/child_process.h"
 #include "tests/catch.h"
 #include "tests/imaging/scratch_folder.h"
@@ -58,7 +59,7 @@ TEST_CASE("enf-bench kernels compares every kernel with its reference, for one t
   REQUIRE(json.at("runs").size() == 2);
   for (const Json& run : json.at("runs")) {
     CHECK(run.at("peak_gflops") > 0);
-    CHECK(run.at("kernels").size() == 11);
+    CHECK(run.at("kernels").size() == 12 + 2 * Bf16UnitsHere().size());
     for (const Json& kernel : run.at("kernels")) {
       INFO(kernel.dump());
       CHECK(kernel.at("nanoseconds") > 0);
@@ -115,7 +116,7 @@ TEST_CASE("enf-bench render trains a scene and shows it at every size") {
     names.push_back(picture.at("name"));
     CHECK(picture.at("frames_per_second") > 0);
   }
-  CHECK(names == std::vector<std::string>{"picture", "picture", "picture", "preview", "modules"});
+  CHECK(names == std::vector<std::string>{"picture", "picture", "picture", "preview", "float32", "modules"});
   CHECK(json.at("pictures")[3].at("width") == 16);
 }
 
