@@ -21,7 +21,7 @@ while(at LESS length)
   math(EXPR at "${at} + 8000")
 endwhile()
 file(WRITE ${OUT} "// Generated from apps/editor/ by cmake/WriteEditorPage.cmake.
-#include \"editor_page.h\"
+#include \"editor/editor_page.h\"
 
 namespace editnerf {
 
