@@ -35,11 +35,14 @@ const link = new Link({
     editor.state = state;
     if (picture) {
       await stage.show(picture);
-      if (moved && picture.preview) performance.measure('move to picture', { start: moved, end: performance.now() });
+      if (moved && picture.preview) {  // for measuring: tests/browser
+        const detail = { rendering: picture.milliseconds, width: picture.width };
+        performance.measure('move to picture', { start: moved, end: performance.now(), detail });
+      }
       element('status').textContent = `${picture.width} x ${picture.height}, ${picture.milliseconds.toFixed(0)} ms`;
     }
     if (first) stage.layOut();
-    draw();
+    requestAnimationFrame(draw);  // the next request goes first
   },
   mistake: (message) => editor.say(message),
   gone(error) {
@@ -172,7 +175,7 @@ function wire() {
     const root = document.documentElement;
     root.dataset.theme = root.dataset.theme === 'dark' ? 'light' : 'dark';
     localStorage.setItem('theme', root.dataset.theme);
-    overview.draw();
+    draw();
   });
   const change = (id, act) => element(id).addEventListener('input', act);
   change('weights', () => {

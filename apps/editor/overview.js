@@ -48,10 +48,13 @@ class Overview {
     pen.scale(dense, dense);
     const style = getComputedStyle(document.documentElement), color = (name) => style.getPropertyValue(name);
     const [right, down] = this.axes();
-    const reach = Math.max(...scene.training_frames.map((f) => Math.hypot(...sub(scene.frames[f].camera.position, this.center))));
-    const zoom = (0.46 * Math.min(width, height)) / Math.max(0.8 * reach, 1e-6);
+    const [low, high] = scene.box;
+    const corner = (i) => [0, 1, 2].map((axis) => ((i >> axis) & 1 ? high : low)[axis]);
+    const middle = scale(add(low, high), 0.5);
+    const most = (axis) => Math.max(...[0, 1, 2, 3, 4, 5, 6, 7].map((i) => Math.abs(dot(axis, sub(corner(i), middle)))));
+    const zoom = 0.47 * Math.min(width / most(right), height / most(down));
     const at = (point) => {
-      const offset = sub(point, this.center);
+      const offset = sub(point, middle);
       return [width / 2 + zoom * dot(right, offset), height / 2 + zoom * dot(down, offset)];
     };
     const line = (points, close) => {
@@ -63,8 +66,6 @@ class Overview {
     // The box.
     pen.lineWidth = 1;
     pen.strokeStyle = color('--line');
-    const [low, high] = scene.box;
-    const corner = (i) => [0, 1, 2].map((axis) => ((i >> axis) & 1 ? high : low)[axis]);
     for (let i = 0; i < 8; ++i) {
       for (let axis = 0; axis < 3; ++axis) if (!((i >> axis) & 1)) line([corner(i), corner(i | (1 << axis))]);
     }
@@ -94,7 +95,7 @@ class Overview {
     // The camera.
     pen.strokeStyle = color('--accent');
     pen.lineWidth = 1.5;
-    const corners = cornersOf(state.camera, 0.22 * reach);
+    const corners = cornersOf(state.camera, 0.12 * Math.hypot(...sub(high, low)));
     line(corners, true);
     for (const point of corners) line([state.camera.position, point]);
   }

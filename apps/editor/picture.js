@@ -68,23 +68,32 @@ class Stage {
     image.close();
   }
 
-  draw() {
-    const { scene, state, selected } = this.editor;
-    if (!state || !this.zoom) return;
+  // Anew only where the camera or the size has changed.
+  drawTracks() {
+    const { scene, state } = this.editor;
+    const shown = document.getElementById('tracks').checked;
+    const key = JSON.stringify([shown, this.zoom, state.camera]);
+    if (key === this.drawnTracks) return;
+    this.drawnTracks = key;
     this.lines.replaceChildren();
-    if (document.getElementById('tracks').checked) {
-      scene.tracks.forEach((track, n) => {
-        let path = '', pen = 'M';
-        for (const point of track) {
-          const seen = project(state.camera, point);
-          if (seen) path += `${pen}${(seen.u * this.zoom).toFixed(1)} ${(seen.v * this.zoom).toFixed(1)}`;
-          pen = seen ? 'L' : 'M';
-        }
-        if (!path) return;
-        svg('path', { d: path, class: 'track casing' }, this.lines);
-        svg('path', { d: path, class: 'track line-color', stroke: `rgb(${scene.colors[n]})` }, this.lines);
-      });
-    }
+    if (!shown) return;
+    scene.tracks.forEach((track, n) => {
+      let path = '', pen = 'M';
+      for (const point of track) {
+        const seen = project(state.camera, point);
+        if (seen) path += `${pen}${(seen.u * this.zoom).toFixed(1)} ${(seen.v * this.zoom).toFixed(1)}`;
+        pen = seen ? 'L' : 'M';
+      }
+      if (!path) return;
+      svg('path', { d: path, class: 'track casing' }, this.lines);
+      svg('path', { d: path, class: 'track line-color', stroke: `rgb(${scene.colors[n]})` }, this.lines);
+    });
+  }
+
+  draw() {
+    const { state, selected } = this.editor;
+    if (!state || !this.zoom) return;
+    this.drawTracks();
     state.key_points.forEach((point, n) => {
       const handle = this.handles[n];
       if (!handle) return;
