@@ -1,6 +1,7 @@
 #include "libeditnerf/server/editor_server.h"
 
 #include <httplib.h>
+#include <sys/socket.h>
 #include <torch/torch.h>
 
 #include <algorithm>
@@ -304,6 +305,11 @@ EditorServer::EditorServer(Run run, const EditorServerOptions& options)
   http.set_payload_max_length(kMaxBody);
   http.set_keep_alive_max_count(1'000'000);
   http.set_tcp_nodelay(true);
+  // The default would share a port that another program listens on, and get half of its requests.
+  http.set_socket_options([](socket_t socket) {
+    const int yes = 1;
+    setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+  });
   impl_->AddGuards();
   impl_->AddRoutes();
   if (options.port != 0 && http.bind_to_port(options.host.c_str(), options.port)) {
