@@ -1,0 +1,240 @@
+// The page as a whole: what is selected, buttons and keys, and what an answer of the server changes.
+
+const element = (id) => document.getElementById(id);
+
+const editor = {
+  scene: null,
+  state: null,
+  selected: new Set(),
+  lastGesture: { id: Date.now() % 1e9, kind: '', at: 0 },
+
+  // Changes of one kind that follow each other closely are one gesture, which is undone at once.
+  gesture(kind = '') {
+    const last = this.lastGesture, now = performance.now();
+    if (!kind || kind !== last.kind || now - last.at > 700) last.id += 1;
+    Object.assign(last, { kind, at: now });
+    return last.id;
+  },
+  send(operations, moved = 0) {
+    if (this.state && operations.length) link.send(operations, moved);
+  },
+  select(chosen) {
+    this.selected = chosen;
+    stage.draw();
+    drawPoints();
+  },
+  say(text) {
+    element('gone').hidden = !text;
+    element('gone').textContent = text;
+  },
+};
+
+const link = new Link({
+  async answer(state, picture, moved) {
+    const first = !editor.state;
+    editor.state = state;
+    if (picture) {
+      await stage.show(picture);
+      if (moved && picture.preview) {  // for measuring: tests/browser
+        const detail = { rendering: picture.milliseconds, width: picture.width };
+        performance.measure('move to picture', { start: moved, end: performance.now(), detail });
+      }
+      element('status').textContent = `${picture.width} x ${picture.height}, ${picture.milliseconds.toFixed(0)} ms`;
+    }
+    if (first) stage.layOut();
+    requestAnimationFrame(draw);  // the next request goes first
+  },
+  mistake: (message) => editor.say(message),
+  gone(error) {
+    element('status').textContent = 'not connected';
+    editor.say(error.status === 403
+      ? 'This editor was started anew, or the address is not complete: open the address that enf-edit printed.'
+      : 'enf-edit does not answer. It may have been stopped; this page goes on by itself when it is back.');
+  },
+  back: () => editor.say(''),
+});
+const stage = new Stage(editor);
+const overview = new Overview(editor);
+const trail = new Trail(editor, link);
+
+function draw() {
+  const { state, scene } = editor;
+  element('undo').disabled = !state.can_undo;
+  element('redo').disabled = !state.can_redo;
+  element('motion').value = state.row;
+  element('motion-at').textContent = `${state.row + 1} / ${scene.training_frames.length}`;
+  element('capture').value = state.capture_camera;
+  stage.draw();
+  overview.draw();
+  trail.draw();
+  drawPoints();
+}
+
+function make(name, properties, ...children) {
+  const made = Object.assign(document.createElement(name), properties);
+  made.append(...children);
+  return made;
+}
+
+// The list is made once and then only changed: a button that has the focus keeps it.
+function buildPoints() {
+  element('no-points').hidden = editor.scene.colors.length > 0;
+  element('points').replaceChildren(...editor.scene.colors.map((color, n) => {
+    const dotMark = make('span', { className: 'dot' });
+    dotMark.style.background = `rgb(${color})`;
+    const only = () => (editor.selected.has(n) ? [...editor.selected] : [n]);
+    const button = (text, title, act) => {
+      const made = make('button', { textContent: text, title, onclick: act });
+      made.setAttribute('aria-label', title);
+      return made;
+    };
+    const name = make('button', { className: 'name', textContent: `Key point ${n + 1}`, title: 'Select it; Shift+click selects several' });
+    name.onclick = (event) => {
+      const chosen = new Set(event.shiftKey ? editor.selected : []);
+      if (!chosen.delete(n)) chosen.add(n);
+      editor.select(chosen);
+      stage.handles[n].focus();
+    };
+    return make('li', {},
+      make('div', { className: 'row' }, dotMark, name, make('span', { className: 'grow' }), make('span', { className: 'chip' })),
+      make('div', { className: 'row' }, make('span', { className: 'numbers' }),
+        button('\u2212', 'Nearer to the camera (Page down)', () => stage.scaleDepth(only(), 1 / 1.02)),
+        button('+', 'Farther from the camera (Page up)', () => stage.scaleDepth(only(), 1.02)),
+        button('Reset', 'Back to where this training frame has it (R)', () => editor.send([{ do: 'reset', key_point: n }]))));
+  }));
+}
+
+function drawPoints() {
+  const { state, selected } = editor;
+  if (!state) return;
+  [...element('points').children].forEach((item, n) => {
+    const point = state.key_points[n];
+    item.classList.toggle('selected', selected.has(n));
+    item.querySelector('.name').setAttribute('aria-pressed', selected.has(n));
+    const chip = item.querySelector('.chip');
+    chip.className = `chip ${point.level}`;
+    chip.textContent = LEVELS[point.level];
+    chip.title = `${point.distance.toFixed(3)} scene units from where training saw it, ${(100 * point.share).toFixed(0)}% of its range`;
+    const numbers = item.querySelector('.numbers');
+    numbers.textContent = point.position.map((value) => value.toFixed(3)).join('  ');
+    numbers.title = `x, y, z in scene units; depth ${point.depth.toFixed(3)}`;
+  });
+}
+
+function fillSelects() {
+  const { scene } = editor;
+  const options = (id, entries, chosen) => element(id).replaceChildren(
+    ...entries.map(([value, text]) => make('option', { value, textContent: text, selected: value === chosen })));
+  options('capture', scene.frames.map((frame, i) => [i, frame.id]), 0);
+  const own = scene.frames[0].camera.width;
+  const widths = [...new Set([320, 480, 640, 960, 1280, own])].filter((width) => width <= Math.max(1920, own)).sort((a, b) => a - b);
+  const named = widths.map((width) => [width, width === own ? `${width} (filmed)` : width]);
+  link.stillWidth = Math.min(own, 960);
+  options('still-width', named, link.stillWidth);
+  options('video-width', named, own);
+  element('motion').max = scene.training_frames.length - 1;
+}
+
+function playMotion() {
+  const button = element('motion-play');
+  if (playMotion.timer) {
+    clearInterval(playMotion.timer);
+    playMotion.timer = null;
+  } else {
+    const gesture = editor.gesture(), start = performance.now(), first = editor.state.row;
+    playMotion.timer = setInterval(() => {
+      const row = (first + Math.floor((performance.now() - start) / 50)) % editor.scene.training_frames.length;
+      editor.send([{ do: 'snap', row, gesture }]);
+    }, 50);
+  }
+  button.textContent = playMotion.timer ? 'Stop' : 'Play';
+}
+
+const resetSelected = () => editor.send([...editor.selected].map((n) => ({ do: 'reset', key_point: n })));
+const toggle = (id) => element(id).click();
+const undo = () => editor.send([{ do: 'undo' }]);
+const redo = () => editor.send([{ do: 'redo' }]);
+const resetAll = () => editor.send([{ do: 'reset_all' }]);
+const resetCamera = () => editor.send([{ do: 'reset_camera' }]);
+const nextCamera = (step) => {
+  const count = editor.scene.frames.length;
+  editor.send([{ do: 'camera', frame: (editor.state.capture_camera + step + count) % count }]);
+};
+
+function wire() {
+  const click = (id, act) => element(id).addEventListener('click', act);
+  click('undo', undo);
+  click('redo', redo);
+  click('reset-all', resetAll);
+  click('reset-camera', resetCamera);
+  click('camera-before', () => nextCamera(-1));
+  click('camera-after', () => nextCamera(1));
+  click('motion-play', playMotion);
+  click('help', () => element('help-box').showModal());
+  click('theme', () => {
+    const root = document.documentElement;
+    root.dataset.theme = root.dataset.theme === 'dark' ? 'light' : 'dark';
+    localStorage.setItem('theme', root.dataset.theme);
+    draw();
+  });
+  const change = (id, act) => element(id).addEventListener('input', act);
+  change('weights', () => {
+    link.weights = element('weights').checked;
+    link.preview = true;
+    link.stillSoon();
+    link.pump();
+  });
+  change('tracks', () => stage.draw());
+  change('still-width', () => {
+    link.stillWidth = Number(element('still-width').value);
+    link.stillSoon();
+  });
+  change('capture', () => editor.send([{ do: 'camera', frame: Number(element('capture').value) }]));
+  change('motion', () => editor.send([{ do: 'snap', row: Number(element('motion').value), gesture: editor.gesture('motion') }]));
+  addEventListener('keydown', (event) => {
+    const typing = event.target.closest('select, input[type="range"], dialog');
+    const key = event.key.toLowerCase();
+    if (event.ctrlKey || event.metaKey) {
+      if (key === 'z') (event.shiftKey ? redo : undo)();
+      else if (key === 'y') redo();
+      else return;
+    } else if (typing || event.altKey) {
+      return;
+    } else if (key === 'r') {
+      (event.shiftKey ? resetAll : resetSelected)();
+    } else if (key === ' ' && !event.target.closest('button, a, input')) {
+      trail.record();
+    } else {
+      const acts = { w: () => toggle('weights'), t: () => toggle('tracks'), c: resetCamera, k: () => trail.addKeyFrame(), p: () => trail.play(), '?': () => toggle('help') };
+      if (!acts[key]) return;
+      acts[key]();
+    }
+    event.preventDefault();
+  });
+}
+
+async function begin() {
+  document.documentElement.dataset.theme =
+    localStorage.getItem('theme') || (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light');
+  wire();
+  try {
+    editor.scene = await ask('api/scene');
+  } catch (error) {
+    link.on.gone(error);
+    setTimeout(() => location.reload(), 3000);
+    return;
+  }
+  element('title').textContent = document.title = editor.scene.title;
+  fillSelects();
+  buildPoints();
+  const { state } = await ask('api/edit', { method: 'POST', body: { tab, operations: [] } });
+  editor.state = state;
+  stage.build();
+  overview.build();
+  draw();
+  link.preview = true;
+  link.still = true;
+  link.pump();
+}
+
+begin();

@@ -1,0 +1,113 @@
+// Talking to the server: operations are gathered while a request is on its way, the newest wins, and a picture that
+// nobody waits for any more is given up.
+
+const token = new URLSearchParams(location.search).get('token') || '';
+const tab = sessionStorage.getItem('tab') || crypto.getRandomValues(new Uint32Array(3)).join('-');
+sessionStorage.setItem('tab', tab);
+
+const addressOf = (path, more = {}) => path + '?' + new URLSearchParams({ token, tab, ...more });
+
+async function ask(path, { method = 'GET', body, signal } = {}) {
+  const headers = { 'X-Editor-Token': token };
+  if (body) headers['Content-Type'] = 'application/json';
+  const answer = await fetch(path, { method, headers, signal, body: body && JSON.stringify(body) });
+  const json = await answer.json();
+  if (!answer.ok) throw Object.assign(new Error(json.error || answer.statusText), { status: answer.status });
+  return json;
+}
+
+// Whether `next` can stand for `last` as well, which then takes its values.
+function merged(last, next) {
+  if (!last || last.do !== next.do || last.gesture !== next.gesture) return false;
+  if (last.key_point !== next.key_point) return false;
+  if (next.do === 'orbit') Object.assign(last, { right: last.right + next.right, over: last.over + next.over });
+  else if (next.do === 'pan') Object.assign(last, { u: last.u + next.u, v: last.v + next.v });
+  else if (next.do === 'zoom' || next.do === 'depth') last.factor *= next.factor;
+  else if (['move', 'snap', 'show_trail'].includes(next.do)) Object.assign(last, next);
+  else return false;
+  return true;
+}
+
+class Link {
+  // on: { answer(state, picture, moved), mistake(message), gone(message), back() }
+  constructor(on) {
+    Object.assign(this, { on, pending: [], preview: false, still: false, busy: null, moved: 0, isGone: false });
+    this.previewWidth = 160;
+    this.stillWidth = 320;
+    this.weights = false;
+    this.before = () => [];  // operations in front of and behind each request's own: how a trail is recorded
+    this.behind = () => [];
+  }
+
+  // moved: when the pointer did what this says, for measuring; 0 where it did not.
+  send(operations, moved = 0) {
+    for (const operation of operations) {
+      // Points that move together alternate: look back as far as the moves go.
+      let i = this.pending.length - 1;
+      while (i >= 0 && operation.do === 'move' && this.pending[i].do === 'move' &&
+             this.pending[i].key_point !== operation.key_point) --i;
+      if (!merged(this.pending[i], operation)) this.pending.push({ ...operation });
+    }
+    this.moved = moved || this.moved;
+    this.preview = true;
+    if (this.busy && this.busy.still) this.busy.abort.abort();
+    this.stillSoon();
+    this.pump();
+  }
+
+  stillSoon() {
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => {
+      this.still = true;
+      this.pump();
+    }, 200);
+  }
+
+  async pump() {
+    if (this.busy || this.isGone || !(this.pending.length || this.preview || this.still)) return;
+    const still = !this.pending.length && !this.preview;
+    const [operations, moved] = [this.pending, this.moved];
+    Object.assign(this, { pending: [], preview: false, moved: 0 });
+    if (still) this.still = false;
+    const abort = new AbortController();
+    this.busy = { still, abort };
+    const picture = { width: still ? this.stillWidth : this.previewWidth, weights: this.weights, preview: !still };
+    const all = operations.length ? [...this.before(), ...operations, ...this.behind()] : operations;
+    try {
+      const answer = await ask('api/edit', { method: 'POST', body: { tab, operations: all, picture }, signal: abort.signal });
+      if (answer.picture && answer.picture.preview) this.adapt(answer.picture);
+      await this.on.answer(answer.state, answer.picture, moved);
+    } catch (error) {
+      if (error.status === 400) this.on.mistake(error.message);
+      else if (error.name !== 'AbortError') this.lose(error);
+    }
+    this.busy = null;
+    this.pump();
+  }
+
+  // Previews as large as keep up with the hand.
+  adapt(picture) {
+    const perPixel = picture.milliseconds / (picture.width * picture.height);
+    this.perPixel = this.perPixel ? 0.8 * this.perPixel + 0.2 * perPixel : perPixel;
+    const aspect = picture.height / picture.width;
+    const fits = [240, 320, 480].filter((width) => width * width * aspect * this.perPixel < 36 && width <= this.stillWidth);
+    this.previewWidth = Number(document.documentElement.dataset.preview) || fits.pop() || 160;
+  }
+
+  async lose(error) {
+    this.isGone = true;
+    this.on.gone(error);
+    while (this.isGone) {
+      await new Promise((done) => setTimeout(done, 1000));
+      try {
+        await ask('api/video');
+        this.isGone = false;
+      } catch (again) {
+        this.on.gone(again);
+      }
+    }
+    this.on.back();
+    this.preview = this.still = true;
+    this.pump();
+  }
+}

@@ -1,0 +1,48 @@
+// A trail: key frames of key point positions and cameras over time, and the edit file that they make.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "libeditnerf/editing/edit_file.h"
+#include "libeditnerf/geometry/camera.h"
+#include "libeditnerf/scene/scene.h"
+
+namespace editnerf {
+
+struct TrailFrame {
+  double time = 0;  // seconds
+  std::vector<Vec3> key_points;
+  Camera camera;    // scene units
+  int64_t row = 0;  // of the training frames: whose codes are used
+};
+
+class EditTrail {
+ public:
+  static constexpr size_t kMaxFrames = 5000;
+  static constexpr double kMaxSeconds = 300;
+
+  // Later than the last key frame, or at the same time, which replaces it. Throws DataError for an earlier time, for
+  // one that is not finite or beyond kMaxSeconds after the first, and where the trail is full.
+  void Add(const TrailFrame& frame);
+  void Clear() { frames_.clear(); }
+
+  const std::vector<TrailFrame>& frames() const { return frames_; }
+  double Duration() const { return frames_.empty() ? 0 : frames_.back().time - frames_.front().time; }
+
+  // The trail `seconds` (clamped) after its first key frame, which must exist. Key points and camera positions follow a
+  // smooth curve that never overshoots a coordinate of the two key frames around it (monotone cubic, Fritsch and
+  // Carlson, 1980); orientations turn evenly between them; lens and row are those of the key frame before.
+  TrailFrame At(double seconds) const;
+
+  // round(Duration() * fps) + 1 frames, all with a camera in world units. `width` and `height` as in EditFile.
+  // Throws DataError where there is no key frame or fps is not in (0, 120].
+  EditFile ToEditFile(const Scene& scene, double fps, int64_t width = 0, int64_t height = 0) const;
+
+ private:
+  Vec3 CurveAt(size_t before, double share, const Vec3& (*point)(const TrailFrame&, size_t), size_t index) const;
+
+  std::vector<TrailFrame> frames_;
+};
+
+}  // namespace editnerf

@@ -1,0 +1,149 @@
+// The server over real connections, with an untrained run.
+#include "libeditnerf/server/editor_server.h"
+
+#include <httplib.h>
+
+#include <atomic>
+#include <thread>
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/editing/edit_file.h"
+#include "libeditnerf/imaging/json_file.h"
+#include "tests/catch.h"
+#include "tests/editing/editable_fixture.h"
+
+using namespace editnerf;
+
+namespace {
+
+class Desk {
+ public:
+  Desk() : server_(FixtureRun(), Options()), thread_([this] { server_.Serve([this] { return stop_.load(); }); }) {}
+  ~Desk() {
+    stop_ = true;
+    thread_.join();
+  }
+
+  httplib::Client Client(const std::string& token = "secret") const {
+    httplib::Client client("127.0.0.1", server_.port());
+    client.set_default_headers({{"X-Editor-Token", token}});
+    client.set_read_timeout(60);
+    return client;
+  }
+
+  // The answer to POST api/edit, which must succeed.
+  Json Edit(const Json& operations, const std::string& tab = "a") const {
+    const Json body = {{"tab", tab}, {"operations", operations}, {"picture", {{"width", 32}}}};
+    const auto answer = Client().Post("/api/edit", body.dump(), "application/json");
+    REQUIRE(answer);
+    INFO(answer->body);
+    REQUIRE(answer->status == 200);
+    return Json::parse(answer->body);
+  }
+
+  EditorServer& server() { return server_; }
+
+ private:
+  static EditorServerOptions Options() {
+    EditorServerOptions options;
+    options.token = "secret";
+    options.page = "<script nonce=\"{{nonce}}\"></script>";
+    options.title = "fixture";
+    return options;
+  }
+
+  EditorServer server_;
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+std::string ErrorOf(const httplib::Result& answer, int status) {
+  REQUIRE(answer);
+  INFO(answer->body);
+  CHECK(answer->status == status);
+  return Json::parse(answer->body).at("error");
+}
+
+Json Move(double u, double v) { return {{"do", "move"}, {"key_point", 0}, {"u", u}, {"v", v}}; }
+
+}  // namespace
+
+TEST_CASE("the editor answers only with its token, to its own page and under its own name") {
+  Desk desk;
+  for (const char* path : {"/", "/api/scene", "/api/video", "/nothing"}) {
+    CHECK_THAT(ErrorOf(desk.Client("wrong").Get(path), 403), HasText("the token is wrong"));
+  }
+  auto client = desk.Client();
+  CHECK_THAT(ErrorOf(client.Get("/api/scene", {{"Origin", "http://evil.example"}}), 403),
+             HasText("the page at 'http://evil.example' is not this editor's"));
+  CHECK_THAT(ErrorOf(client.Get("/api/scene", {{"Host", "evil.example"}}), 403), HasText("--allow-host"));
+  CHECK_THAT(ErrorOf(client.Get("/nothing"), 404), HasText("nothing at this address"));
+  const auto page = httplib::Client("127.0.0.1", desk.server().port()).Get("/?token=secret");
+  REQUIRE(page);
+  CHECK(page->status == 200);
+  CHECK_THAT(page->get_header_value("Content-Security-Policy"), HasText("default-src 'none'; script-src 'nonce-"));
+  CHECK(page->body.find("{{nonce}}") == std::string::npos);
+  CHECK_THAT(desk.server().Url(), HasText("/?token=secret"));
+}
+
+TEST_CASE("malformed and oversized requests are refused with what was expected") {
+  Desk desk;
+  auto client = desk.Client();
+  const auto post = [&](const std::string& body) { return client.Post("/api/edit", body, "application/json"); };
+  CHECK_THAT(ErrorOf(post("{\"tab\": "), 400), HasText("request: expected JSON: parse error"));
+  CHECK_THAT(ErrorOf(post("[]"), 400), HasText("expected a JSON object"));
+  CHECK_THAT(ErrorOf(post("{}"), 400), HasText("tab: expected a name"));
+  CHECK_THAT(ErrorOf(post("{\"tab\": 5}"), 400), HasText("request"));
+  CHECK_THAT(ErrorOf(post(R"({"tab": "a", "operations": [{"do": "fly"}]})"), 400),
+             HasText("request: operations[0]: do: expected one of camera, clear_trail"));
+  CHECK_THAT(ErrorOf(post(R"({"tab": "a", "operations": [{"do": "move", "key_point": 0}]})"), 400), HasText("'u'"));
+  CHECK_THAT(ErrorOf(post(R"({"tab": "a", "picture": {"width": 100000}})"), 400), HasText("width: expected 16 to"));
+  CHECK_THAT(ErrorOf(post(std::string(2 << 20, ' ')), 413), HasText("larger than 1 MiB"));
+  CHECK_THAT(ErrorOf(client.Get("/api/trail?tab=a"), 400), HasText("there is no key frame"));
+  CHECK_THAT(ErrorOf(client.Get("/api/video/file"), 409), HasText("no video is ready"));
+}
+
+TEST_CASE("a drag changes the picture, undo restores it bit for bit, and another tab sees none of it") {
+  Desk desk;
+  const Json first = desk.Edit(Json::array());
+  CHECK(first["picture"]["width"] == 32);
+  CHECK(first["picture"]["height"] == 18);
+  const Json moved = desk.Edit(Json::array({Move(28, 2)}));
+  CHECK(moved["picture"]["data"] != first["picture"]["data"]);
+  CHECK(moved["state"]["key_points"][0]["u"].get<double>() == Approx(28));
+  CHECK(moved["state"]["can_undo"] == true);
+  CHECK(desk.Edit(Json::array(), "b")["picture"]["data"] == first["picture"]["data"]);
+  const Json undone = desk.Edit(Json::array({{{"do", "undo"}}}));
+  CHECK(undone["picture"]["data"] == first["picture"]["data"]);
+  CHECK(desk.Edit(Json::array({{{"do", "redo"}}}))["picture"]["data"] == moved["picture"]["data"]);
+}
+
+TEST_CASE("a trail is handed out as an edit file and becomes a video, once at a time") {
+  Desk desk;
+  desk.Edit({{{"do", "key_frame"}, {"time", 0}}, Move(20, 5), {{"do", "key_frame"}, {"time", 0.5}}});
+  auto client = desk.Client();
+  const auto trail = client.Get("/api/trail?tab=a&fps=10");
+  REQUIRE(trail);
+  CHECK(ParseEditFile(trail->body, "edit.json").frames.size() == 6);
+  const std::string wish = R"({"tab": "a", "fps": 10, "width": 64})";
+  const auto state = [&] { return Json::parse(client.Get("/api/video")->body); };
+  REQUIRE(client.Post("/api/video", wish, "application/json")->status == 200);
+  while (state()["state"] == "running") std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  INFO(state().dump());
+  REQUIRE(state()["state"] == "done");
+  CHECK(state()["done"] == 6);
+  CHECK(client.Get("/api/video/file")->body.substr(4, 4) == "ftyp");
+  REQUIRE(client.Post("/api/video", R"({"tab": "a", "fps": 120, "width": 640})", "application/json")->status == 200);
+  CHECK(client.Post("/api/video", wish, "application/json")->status == 409);
+  client.Delete("/api/video");
+  while (state()["state"] == "running") std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  CHECK(state()["state"] == "cancelled");
+}
+
+TEST_CASE("a port that is taken is a mistake of the command line") {
+  Desk desk;
+  EditorServerOptions options;
+  options.token = "secret";
+  options.port = desk.server().port();
+  CHECK_THROWS_AS(EditorServer(FixtureRun(), options), ConfigError);
+}
