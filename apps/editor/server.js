@@ -91,7 +91,7 @@ class Link {
     this.perPixel = this.perPixel ? 0.8 * this.perPixel + 0.2 * perPixel : perPixel;
     const aspect = picture.height / picture.width;
     const fits = [240, 320, 480].filter((width) => width * width * aspect * this.perPixel < 36 && width <= this.stillWidth);
-    this.previewWidth = Number(document.documentElement.dataset.preview) || fits.pop() || 160;
+    this.previewWidth = Number(document.documentElement.dataset.preview) || fits.pop() || Math.min(160, this.stillWidth);
   }
 
   async lose(error) {
