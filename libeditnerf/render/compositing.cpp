@@ -16,12 +16,21 @@ torch::Tensor ExclusiveSum(const torch::Tensor& values) {
   return torch::cat({torch::zeros_like(values.narrow(1, 0, 1)), values.narrow(1, 0, count - 1).cumsum(1)}, 1);
 }
 
-// 1 - exp(-tau). Thin intervals need expm1 for the value; but LibTorch differentiates it as expm1(-tau) + 1, and of
-// that nothing is left in opaque ones: in float32 the gradient is off by a thousandth at tau = 10 and lost at 17. There
-// the difference is as exact, and so is its gradient.
-torch::Tensor OpacityOf(const torch::Tensor& tau) {
-  return torch::where(tau < 0.5, -torch::expm1(-tau), 1 - torch::exp(-tau));
-}
+// 1 - exp(-tau), by expm1 for the sake of thin intervals. LibTorch differentiates that as expm1(-tau) + 1, of which
+// nothing is left in opaque ones: in float32 the gradient is off by a thousandth at tau = 10, and lost at 17.
+class OpacityFunction : public torch::autograd::Function<OpacityFunction> {
+ public:
+  static torch::Tensor forward(torch::autograd::AutogradContext* context, const torch::Tensor& tau) {
+    context->save_for_backward({tau});
+    return -torch::expm1(-tau);
+  }
+  static torch::autograd::variable_list backward(torch::autograd::AutogradContext* context,
+                                                 torch::autograd::variable_list grads) {
+    return {grads[0] * torch::exp(-context->get_saved_variables()[0])};
+  }
+};
+
+torch::Tensor OpacityOf(const torch::Tensor& tau) { return OpacityFunction::apply(tau); }
 
 void CheckSamples(const torch::Tensor& a, const torch::Tensor& b, const char* name_a, const char* name_b) {
   CheckShape(a, {kAny, kAny}, name_a);
