@@ -9,7 +9,6 @@
 #include "libeditnerf/benchmarks/stability_measure.h"
 #include "libeditnerf/field/density_activation.h"
 #include "libeditnerf/field/truncated_exp.h"
-#include "libeditnerf/kernels/tile.h"
 #include "libeditnerf/kernels/tile_functions.h"
 
 namespace editnerf {

@@ -7,6 +7,7 @@
 #include "libeditnerf/benchmarks/stability_measure.h"
 #include "libeditnerf/benchmarks/timing.h"
 #include "libeditnerf/kernels/packed_compositing.h"
+#include "libeditnerf/kernels/tile_functions.h"
 #include "libeditnerf/render/compositing.h"
 
 namespace editnerf {
@@ -91,6 +92,26 @@ torch::Tensor PackedColor(const Steps& s) {
   return (weights.view(s.color.sizes()) * s.color).sum(1);
 }
 
+// As the fused pass has it: thickness is summed in double, and light and weights are found in float32, all rays at
+// once.
+torch::Tensor FusedColor(const Steps& s) {
+  const auto tau = s.density * s.delta;
+  auto before = torch::empty_like(tau), light = torch::empty_like(tau), weights = torch::empty_like(tau);
+  const int64_t count = tau.size(1);
+  for (int64_t r = 0; r < tau.size(0); ++r) {
+    const float* const own = tau.data_ptr<float>() + r * count;
+    float* const to = before.data_ptr<float>() + r * count;
+    double thickness = 0;
+    for (int64_t i = 0; i < count; ++i) {
+      to[i] = static_cast<float>(thickness);
+      thickness += own[i];
+    }
+  }
+  LightAlongRays(tau.data_ptr<float>(), before.data_ptr<float>(), tau.numel(), light.data_ptr<float>(),
+                 weights.data_ptr<float>());
+  return (weights * s.color).sum(1);
+}
+
 // The habit of NeRF's published programs: alpha from exp, transmittance as a running product that must not be 0.
 torch::Tensor ProductColor(const Steps& s) {
   const auto alpha = 1 - torch::exp(-s.density * s.delta);
@@ -120,6 +141,7 @@ std::vector<IntegrationPoint> IntegrationErrors(int64_t repeats, double least_se
   const std::vector<Way> ways = {{"exp of a sum, float64", OurColor, torch::kFloat64},
                                  {"exp of a sum, float32", OurColor, torch::kFloat32},
                                  {"packed kernel, float32", PackedColor, torch::kFloat32},
+                                 {"fused kernel, float32", FusedColor, torch::kFloat32},
                                  {"cumprod(1 - alpha), float32", ProductColor, torch::kFloat32},
                                  {"explicit Euler, float32", EulerColor, torch::kFloat32}};
   const torch::NoGradGuard no_grad;

@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <limits>
 
-#include "libeditnerf/kernels/tile.h"
-
 namespace editnerf {
 namespace {
 

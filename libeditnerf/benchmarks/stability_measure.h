@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "libeditnerf/benchmarks/stability_cases.h"
+#include "libeditnerf/kernels/tile.h"
 
 namespace editnerf {
 
@@ -38,7 +39,6 @@ void ForEachInstructionSet(const std::function<void(const std::string& name)>& b
 
 // [rows, count] to and from a tile (kernels/tile.h); columns behind `count` are NaN, so that a kernel that lets them
 // reach a result is found out.
-class TileMemory;
 void FillTile(const at::Tensor& values, TileMemory* tile);
 at::Tensor ReadTile(const TileMemory& tile, int64_t rows, int64_t count);  // float32
 

@@ -8,7 +8,6 @@
 
 #include "libeditnerf/benchmarks/stability_measure.h"
 #include "libeditnerf/kernels/fused_mlp.h"
-#include "libeditnerf/kernels/tile.h"
 #include "libeditnerf/kernels/tile_mlp.h"
 
 namespace editnerf {

@@ -8,7 +8,6 @@
 #include "libeditnerf/benchmarks/stability_measure.h"
 #include "libeditnerf/field/positional_encoding.h"
 #include "libeditnerf/kernels/kernel_use.h"
-#include "libeditnerf/kernels/tile.h"
 #include "libeditnerf/kernels/tile_functions.h"
 
 namespace editnerf {
