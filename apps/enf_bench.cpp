@@ -1,4 +1,4 @@
-// enf-bench kernels|train|growth|render|diagram: what this machine makes of the library.
+// enf-bench kernels|train|growth|render|diagram|stability: what this machine makes of the library.
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -8,6 +8,7 @@
 #include "libeditnerf/benchmarks/diagram_benchmark.h"
 #include "libeditnerf/benchmarks/kernel_benchmark.h"
 #include "libeditnerf/benchmarks/render_benchmark.h"
+#include "libeditnerf/benchmarks/stability_benchmark.h"
 #include "libeditnerf/benchmarks/train_benchmark.h"
 #include "support/config_files.h"
 #include "support/run.h"
@@ -27,6 +28,7 @@ struct Arguments {
   RenderBenchmark render;
   double render_seconds = 20;
   DiagramBenchmark diagram;
+  StabilityBenchmark stability;
   std::vector<std::string> variants;
 };
 
@@ -42,6 +44,12 @@ void AddKernels(CLI::App& app, Arguments* a) {
   command->add_option("--samples", a->kernels.samples, "of a call")->check(CLI::Range(1024, 1 << 20));
   command->add_option("--repeats", a->kernels.repeats, "medians are over these")->check(CLI::Range(1, 1000));
   command->add_option("--least-seconds", a->kernels.least_seconds, "of a repeat")->check(CLI::Range(1e-4, 10.0));
+}
+
+void AddStability(CLI::App& app, Arguments* a) {
+  auto* command = app.add_subcommand("stability", "largest errors of every operator where careless formulations fail");
+  command->add_option("--repeats", a->stability.repeats, "medians are over these")->check(CLI::Range(1, 1000));
+  command->add_option("--least-seconds", a->stability.least_seconds, "of a repeat")->check(CLI::Range(1e-4, 10.0));
 }
 
 void AddTrain(CLI::App& app, Arguments* a) {
@@ -98,6 +106,7 @@ Run OpenOrTrain(const Arguments& a, const CommonOptions& common) {
 
 BenchmarkResult RunCommand(const std::string& name, Arguments a, const CommonOptions& common) {
   if (name == "kernels") return RunKernelBenchmark(common.config, a.kernels);
+  if (name == "stability") return RunStabilityBenchmark(a.stability);
   if (name == "growth") return RunGrowthBenchmark(common.config, a.growth);
   if (name == "render") return RunRenderBenchmark(OpenOrTrain(a, common), a.render);
   const BenchScene bench = OpenBenchScene(a.scene, a.synthetic, common.config.data);
@@ -137,9 +146,15 @@ int main(int argc, char** argv) {
         AddKernels(app, &arguments);
         AddTrain(app, &arguments);
         AddRender(app, &arguments);
+        AddStability(app, &arguments);
       },
       [&](const CommonOptions& common) {
         const std::string name = parsed->get_subcommands().front()->get_name();
-        Report(name, RunCommand(name, arguments, common), arguments.json);
+        const BenchmarkResult result = RunCommand(name, arguments, common);
+        Report(name, result, arguments.json);
+        if (const int64_t failed = result.json.value("failed", int64_t{0}); failed > 0) {
+          Throw<Error>("stability: {} of {} rows are not within their bounds: those that end with FAIL", failed,
+                       result.json.at("rows").size());
+        }
       });
 }

@@ -91,6 +91,8 @@ void EncodeTileImpl(const float* x, int64_t dim, int64_t octaves, float window, 
       // Octaves are whole multiples of the first, so that whole periods may be taken off before they multiply.
       const Vector periods = hn::Round(hn::Mul(value, Broadcast(1 / kPeriod)));
       Vector phase = hn::Sub(value, hn::Mul(periods, Broadcast(kPeriod)));
+      // Where x has no digit left of a phase, the difference may be anything, and Highway's sine of it a NaN.
+      phase = AtMost(Broadcast(4.0F), AtLeast(Broadcast(-4.0F), phase));
       for (int64_t k = 0; k < octaves; ++k) {
         const int64_t sine = dim * (1 + 2 * k) + d;
         SetRow(hn::Mul(hn::Sin(tag, phase), scale), out, sine, s);

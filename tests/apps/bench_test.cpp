@@ -1,4 +1,5 @@
 // enf-bench in processes of its own, as small as it goes: what it writes, not how fast anything was.
+#include <set>
 #include <string>
 #include <vector>
 
@@ -135,6 +136,37 @@ TEST_CASE("enf-bench diagram draws error against run time and says what reached 
     CHECK(variant.at("seconds_to").at("40").is_null());
   }
   CHECK(ReadText(out / "diagram.svg").find("<svg") == 0);
+}
+
+TEST_CASE("enf-bench stability finds every operator within its bounds, and transmittance convergent") {
+  const ScratchFolder folder;
+  const Json json = Bench(folder, {"stability", "--repeats", "1", "--least-seconds", "0.0001"});
+  CHECK(json.at("failed") == 0);
+  std::set<std::string> operations;
+  for (const Json& row : json.at("rows")) {
+    INFO(row.dump());
+    operations.insert(row.at("operation").get<std::string>());
+    CHECK(row.at("passes") == true);
+    CHECK(row.at("finite") == true);
+    CHECK(row.at("error") <= row.at("bound"));
+    if (!row.at("gradient_bound").is_null()) CHECK(row.at("gradient_error") <= row.at("gradient_bound"));
+  }
+  CHECK(operations == std::set<std::string>{"SE(3) exponential", "clamped exp", "compositing", "hash encoding",
+                                            "marching", "positional encoding", "projection", "small network", "softmax",
+                                            "softplus"});
+  for (const Json& point : json.at("integration")) {
+    INFO(point.dump());
+    const auto way = point.at("way").get<std::string>();
+    const auto thickness = point.at("thickness").get<double>(), steps = point.at("steps").get<double>();
+    CHECK(point.at("nanoseconds") > 0);
+    if (way == "explicit Euler, float32") {
+      if (thickness == 1e6) CHECK(point.at("error").is_null());  // unstable
+    } else if (way == "cumprod(1 - alpha), float32") {
+      if (thickness == 1e-6 && steps >= 256) CHECK(point.at("error") > 0.5);  // every alpha rounds to 0
+    } else {
+      CHECK(point.at("error") < 12 / (steps * steps) + 1e-6);  // of second order, down to rounding
+    }
+  }
 }
 
 TEST_CASE("enf-bench names a scene that is not there and a variant that it does not know") {

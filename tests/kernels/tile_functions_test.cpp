@@ -74,6 +74,20 @@ TEST_CASE("activations stay finite for large values and pass a NaN on") {
   });
 }
 
+TEST_CASE("every finite coordinate has a finite encoding and gradient") {
+  ForEachTarget([] {
+    const TileMemory tile = TileOf(torch::tensor({{0.5F, 4.0F, -1e4F, 1e7F, -1e9F, 1e20F, -1e30F, 3e38F}}));
+    TileMemory encoded(17), gradient(1);
+    EncodeTile(tile.rows(), 1, 8, 1, 8, encoded.rows());
+    const auto waves = Rows(encoded, 17, 8).slice(0, 1);
+    CHECK(waves.abs().max().item<float>() <= 1.000001F);
+    CHECK(waves[1][1].item<float>() == Approx(std::cos(4.0)).margin(1e-6));
+    TileMemory upstream = TileOf(torch::ones({17, 8}));
+    EncodeTileGradient(encoded.rows(), upstream.rows(), 1, 8, 1, 8, gradient.rows());
+    CHECK(torch::isfinite(Rows(gradient, 1, 8)).all().item<bool>());
+  });
+}
+
 TEST_CASE("softmax over rows is stable and sums to one") {
   torch::manual_seed(3);
   ForEachTarget([] {

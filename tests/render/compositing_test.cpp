@@ -51,6 +51,19 @@ TEST_CASE("an opaque end takes all light that is left and is no surface") {
   CHECK(ComputeRayWeights(density.narrow(1, 0, 1), delta.narrow(1, 0, 1), true).weights.min().item<double>() == 1);
 }
 
+TEST_CASE("float32 keeps the gradients of opaque intervals") {
+  // dw/dtau = exp(-tau), and so for the opacity; 1 + expm1(-tau) would have lost all of it at tau = 17.
+  for (const double tau : {0.1, 0.49, 0.51, 3.0, 10.0, 17.0, 40.0, 80.0}) {
+    const auto density = torch::full({1, 1}, tau, torch::kFloat32).requires_grad_(true);
+    const auto ray = ComputeRayWeights(density, torch::ones({1, 1}), false);
+    const double exact = std::exp(-static_cast<double>(static_cast<float>(tau)));
+    for (const auto& value : {ray.weights.sum(), ray.opacity.sum()}) {
+      const auto gradient = torch::autograd::grad({value}, {density}, {}, true)[0];
+      CHECK(gradient.item<double>() == Approx(exact).epsilon(1e-5));
+    }
+  }
+}
+
 TEST_CASE("weights and gradients are exact and finite from thin to stiff") {
   for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
     const double rounding = dtype == torch::kFloat32 ? 1e-6 : 1e-14;
