@@ -73,8 +73,8 @@ void AddNetwork(const Config& config, Bf16Unit unit, int64_t samples, std::vecto
   const auto both_ways = [](NetworkTile& tile) { tile.BothWays(); };
   cases->push_back({"tiles of a network, " + name, count, operations, OnTiles(layers, unit, tiles, forward),
                     OnTiles(layers, Bf16Unit::kNone, tiles, forward), peak});
-  cases->push_back({"tiles of a network, both ways, " + name, count, 3 * operations, OnTiles(layers, unit, tiles, both_ways),
-                    OnTiles(layers, Bf16Unit::kNone, tiles, both_ways), peak});
+  cases->push_back({"tiles of a network, both ways, " + name, count, 3 * operations,
+                    OnTiles(layers, unit, tiles, both_ways), OnTiles(layers, Bf16Unit::kNone, tiles, both_ways), peak});
 }
 
 // A copy of a table in bfloat16 against the table itself, level by level and tile by tile, as the fused pass goes.
