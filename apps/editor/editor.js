@@ -10,7 +10,8 @@ const editor = {
 
   // Changes of one kind that follow each other closely are one gesture, which is undone at once.
   gesture(kind = '') {
-    const last = this.lastGesture, now = performance.now();
+    const last = this.lastGesture,
+      now = performance.now();
     if (!kind || kind !== last.kind || now - last.at > 700) last.id += 1;
     Object.assign(last, { kind, at: now });
     return last.id;
@@ -35,21 +36,24 @@ const link = new Link({
     editor.state = state;
     if (picture) {
       await stage.show(picture);
-      if (moved && picture.preview) {  // for measuring: tests/browser
+      if (moved && picture.preview) {
+        // for measuring: tests/browser
         const detail = { rendering: picture.milliseconds, width: picture.width };
         performance.measure('move to picture', { start: moved, end: performance.now(), detail });
       }
       element('status').textContent = `${picture.width} x ${picture.height}, ${picture.milliseconds.toFixed(0)} ms`;
     }
     if (first) stage.layOut();
-    requestAnimationFrame(draw);  // the next request goes first
+    requestAnimationFrame(draw); // the next request goes first
   },
   mistake: (message) => editor.say(message),
   gone(error) {
     element('status').textContent = 'not connected';
-    editor.say(error.status === 403
-      ? 'This editor was started anew, or the address is not complete: open the address that enf-edit printed.'
-      : 'enf-edit does not answer. It may have been stopped; this page goes on by itself when it is back.');
+    editor.say(
+      error.status === 403
+        ? 'This editor was started anew, or the address is not complete: open the address that enf-edit printed.'
+        : 'enf-edit does not answer. It may have been stopped; this page goes on by itself when it is back.',
+    );
   },
   back: () => editor.say(''),
 });
@@ -79,29 +83,51 @@ function make(name, properties, ...children) {
 // The list is made once and then only changed: a button that has the focus keeps it.
 function buildPoints() {
   element('no-points').hidden = editor.scene.colors.length > 0;
-  element('points').replaceChildren(...editor.scene.colors.map((color, n) => {
-    const dotMark = make('span', { className: 'dot' });
-    dotMark.style.background = `rgb(${color})`;
-    const only = () => (editor.selected.has(n) ? [...editor.selected] : [n]);
-    const button = (text, title, act) => {
-      const made = make('button', { textContent: text, title, onclick: act });
-      made.setAttribute('aria-label', title);
-      return made;
-    };
-    const name = make('button', { className: 'name', textContent: `Key point ${n + 1}`, title: 'Select it; Shift+click selects several' });
-    name.onclick = (event) => {
-      const chosen = new Set(event.shiftKey ? editor.selected : []);
-      if (!chosen.delete(n)) chosen.add(n);
-      editor.select(chosen);
-      stage.handles[n].focus();
-    };
-    return make('li', {},
-      make('div', { className: 'row' }, dotMark, name, make('span', { className: 'grow' }), make('span', { className: 'chip' })),
-      make('div', { className: 'row' }, make('span', { className: 'numbers' }),
-        button('\u2212', 'Nearer to the camera (Page down)', () => stage.scaleDepth(only(), 1 / 1.02)),
-        button('+', 'Farther from the camera (Page up)', () => stage.scaleDepth(only(), 1.02)),
-        button('Reset', 'Back to where this training frame has it (R)', () => editor.send([{ do: 'reset', key_point: n }]))));
-  }));
+  element('points').replaceChildren(
+    ...editor.scene.colors.map((color, n) => {
+      const dotMark = make('span', { className: 'dot' });
+      dotMark.style.background = `rgb(${color})`;
+      const only = () => (editor.selected.has(n) ? [...editor.selected] : [n]);
+      const button = (text, title, act) => {
+        const made = make('button', { textContent: text, title, onclick: act });
+        made.setAttribute('aria-label', title);
+        return made;
+      };
+      const name = make('button', {
+        className: 'name',
+        textContent: `Key point ${n + 1}`,
+        title: 'Select it; Shift+click selects several',
+      });
+      name.onclick = (event) => {
+        const chosen = new Set(event.shiftKey ? editor.selected : []);
+        if (!chosen.delete(n)) chosen.add(n);
+        editor.select(chosen);
+        stage.handles[n].focus();
+      };
+      return make(
+        'li',
+        {},
+        make(
+          'div',
+          { className: 'row' },
+          dotMark,
+          name,
+          make('span', { className: 'grow' }),
+          make('span', { className: 'chip' }),
+        ),
+        make(
+          'div',
+          { className: 'row' },
+          make('span', { className: 'numbers' }),
+          button('\u2212', 'Nearer to the camera (Page down)', () => stage.scaleDepth(only(), 1 / 1.02)),
+          button('+', 'Farther from the camera (Page up)', () => stage.scaleDepth(only(), 1.02)),
+          button('Reset', 'Back to where this training frame has it (R)', () =>
+            editor.send([{ do: 'reset', key_point: n }]),
+          ),
+        ),
+      );
+    }),
+  );
 }
 
 function drawPoints() {
@@ -123,11 +149,19 @@ function drawPoints() {
 
 function fillSelects() {
   const { scene } = editor;
-  const options = (id, entries, chosen) => element(id).replaceChildren(
-    ...entries.map(([value, text]) => make('option', { value, textContent: text, selected: value === chosen })));
-  options('capture', scene.frames.map((frame, i) => [i, frame.id]), 0);
+  const options = (id, entries, chosen) =>
+    element(id).replaceChildren(
+      ...entries.map(([value, text]) => make('option', { value, textContent: text, selected: value === chosen })),
+    );
+  options(
+    'capture',
+    scene.frames.map((frame, i) => [i, frame.id]),
+    0,
+  );
   const own = scene.frames[0].camera.width;
-  const widths = [...new Set([320, 480, 640, 960, 1280, own])].filter((width) => width <= Math.max(1920, own)).sort((a, b) => a - b);
+  const widths = [...new Set([320, 480, 640, 960, 1280, own])]
+    .filter((width) => width <= Math.max(1920, own))
+    .sort((a, b) => a - b);
   const named = widths.map((width) => [width, width === own ? `${width} (filmed)` : width]);
   link.stillWidth = Math.min(own, 960);
   options('still-width', named, link.stillWidth);
@@ -141,7 +175,9 @@ function playMotion() {
     clearInterval(playMotion.timer);
     playMotion.timer = null;
   } else {
-    const gesture = editor.gesture(), start = performance.now(), first = editor.state.row;
+    const gesture = editor.gesture(),
+      start = performance.now(),
+      first = editor.state.row;
     playMotion.timer = setInterval(() => {
       const row = (first + Math.floor((performance.now() - start) / 50)) % editor.scene.training_frames.length;
       editor.send([{ do: 'snap', row, gesture }]);
@@ -150,7 +186,10 @@ function playMotion() {
   button.textContent = playMotion.timer ? 'Stop' : 'Play';
 }
 
-const resetSelected = () => editor.send([...editor.selected].map((n) => ({ do: 'reset', key_point: n })));
+const resetSelected = () => {
+  const gesture = editor.gesture();
+  editor.send([...editor.selected].map((n) => ({ do: 'reset', key_point: n, gesture })));
+};
 const toggle = (id) => element(id).click();
 const undo = () => editor.send([{ do: 'undo' }]);
 const redo = () => editor.send([{ do: 'redo' }]);
@@ -190,7 +229,9 @@ function wire() {
     link.stillSoon();
   });
   change('capture', () => editor.send([{ do: 'camera', frame: Number(element('capture').value) }]));
-  change('motion', () => editor.send([{ do: 'snap', row: Number(element('motion').value), gesture: editor.gesture('motion') }]));
+  change('motion', () =>
+    editor.send([{ do: 'snap', row: Number(element('motion').value), gesture: editor.gesture('motion') }]),
+  );
   addEventListener('keydown', (event) => {
     const typing = event.target.closest('select, input[type="range"], dialog');
     const key = event.key.toLowerCase();
@@ -205,7 +246,14 @@ function wire() {
     } else if (key === ' ' && !event.target.closest('button, a, input')) {
       trail.record();
     } else {
-      const acts = { w: () => toggle('weights'), t: () => toggle('tracks'), c: resetCamera, k: () => trail.addKeyFrame(), p: () => trail.play(), '?': () => toggle('help') };
+      const acts = {
+        w: () => toggle('weights'),
+        t: () => toggle('tracks'),
+        c: resetCamera,
+        k: () => trail.addKeyFrame(),
+        p: () => trail.play(),
+        '?': () => toggle('help'),
+      };
       if (!acts[key]) return;
       acts[key]();
     }

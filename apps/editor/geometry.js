@@ -13,7 +13,8 @@ function project(camera, point) {
   const offset = sub(point, camera.position);
   const depth = dot(axisOf(camera, 2), offset);
   if (!(depth > 1e-6)) return null;
-  const x = dot(axisOf(camera, 0), offset) / depth, y = dot(axisOf(camera, 1), offset) / depth;
+  const x = dot(axisOf(camera, 0), offset) / depth,
+    y = dot(axisOf(camera, 1), offset) / depth;
   const [k, t, r2] = [camera.radial, camera.tangential, x * x + y * y];
   const radial = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]));
   const xd = x * radial + 2 * t[0] * x * y + t[1] * (r2 + 2 * x * x);

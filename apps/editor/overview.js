@@ -21,11 +21,16 @@ class Overview {
     const { scene } = this.editor;
     const cameras = scene.training_frames.map((frame) => scene.frames[frame].camera);
     this.up = upOf(cameras);
-    const mean = scale(cameras.reduce((sum, camera) => add(sum, camera.position), [0, 0, 0]), 1 / cameras.length);
+    const mean = scale(
+      cameras.reduce((sum, camera) => add(sum, camera.position), [0, 0, 0]),
+      1 / cameras.length,
+    );
     const points = scene.tracks.flat();
-    this.center = points.length ? scale(points.reduce(add, [0, 0, 0]), 1 / points.length) : scale(add(...scene.box), 0.5);
+    this.center = points.length
+      ? scale(points.reduce(add, [0, 0, 0]), 1 / points.length)
+      : scale(add(...scene.box), 0.5);
     const back = sub(mean, this.center);
-    this.front = normalized(sub(back, scale(this.up, dot(back, this.up))));  // from the scene to the cameras
+    this.front = normalized(sub(back, scale(this.up, dot(back, this.up)))); // from the scene to the cameras
     this.draw();
   }
 
@@ -41,17 +46,22 @@ class Overview {
   draw() {
     const { scene, state } = this.editor;
     if (!state || !this.up) return;
-    const { canvas } = this, dense = devicePixelRatio, width = canvas.clientWidth, height = canvas.clientHeight;
+    const { canvas } = this,
+      dense = devicePixelRatio,
+      width = canvas.clientWidth,
+      height = canvas.clientHeight;
     canvas.width = width * dense;
     canvas.height = height * dense;
     const pen = canvas.getContext('2d');
     pen.scale(dense, dense);
-    const style = getComputedStyle(document.documentElement), color = (name) => style.getPropertyValue(name);
+    const style = getComputedStyle(document.documentElement),
+      color = (name) => style.getPropertyValue(name);
     const [right, down] = this.axes();
     const [low, high] = scene.box;
     const corner = (i) => [0, 1, 2].map((axis) => ((i >> axis) & 1 ? high : low)[axis]);
     const middle = scale(add(low, high), 0.5);
-    const most = (axis) => Math.max(...[0, 1, 2, 3, 4, 5, 6, 7].map((i) => Math.abs(dot(axis, sub(corner(i), middle)))));
+    const most = (axis) =>
+      Math.max(...[0, 1, 2, 3, 4, 5, 6, 7].map((i) => Math.abs(dot(axis, sub(corner(i), middle)))));
     const zoom = 0.47 * Math.min(width / most(right), height / most(down));
     const at = (point) => {
       const offset = sub(point, middle);
@@ -71,7 +81,10 @@ class Overview {
     }
     // Where it was filmed from.
     this.dots = scene.frames.map((frame, index) => ({ index, at: at(frame.camera.position) }));
-    for (const { index, at: [x, y] } of this.dots) {
+    for (const {
+      index,
+      at: [x, y],
+    } of this.dots) {
       const chosen = index === state.capture_camera;
       pen.fillStyle = color(chosen ? '--accent' : '--faint');
       pen.beginPath();
@@ -108,7 +121,8 @@ class Overview {
   move(event) {
     const { drag, editor } = this;
     if (!drag) return;
-    const dx = event.clientX - drag.x, dy = event.clientY - drag.y;
+    const dx = event.clientX - drag.x,
+      dy = event.clientY - drag.y;
     Object.assign(drag, { x: event.clientX, y: event.clientY, far: drag.far + Math.hypot(dx, dy) });
     if (drag.far < 3) return;
     if (drag.own) {
@@ -141,7 +155,8 @@ class Overview {
     const arrow = arrows[event.key];
     if (arrow && event.shiftKey) this.editor.send([{ do: 'pan', u: -4 * arrow[0], v: 4 * arrow[1] }], event.timeStamp);
     else if (arrow) this.editor.send([{ do: 'orbit', right: 0.03 * arrow[0], over: 0.03 * arrow[1] }], event.timeStamp);
-    else if (event.key === '+' || event.key === '=') this.editor.send([{ do: 'zoom', factor: 1 / 1.06 }], event.timeStamp);
+    else if (event.key === '+' || event.key === '=')
+      this.editor.send([{ do: 'zoom', factor: 1 / 1.06 }], event.timeStamp);
     else if (event.key === '-') this.editor.send([{ do: 'zoom', factor: 1.06 }], event.timeStamp);
     else return;
     event.preventDefault();

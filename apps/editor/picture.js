@@ -35,7 +35,7 @@ class Stage {
       svg('text', {}, group).textContent = n + 1;
       group.addEventListener('pointerdown', (event) => this.start(event, n));
       group.addEventListener('pointermove', (event) => this.move(event));
-      for (const end of ['pointerup', 'pointercancel']) group.addEventListener(end, () => (this.drag = null));
+      for (const end of ['pointerup', 'pointercancel']) group.addEventListener(end, () => this.end());
       group.addEventListener('wheel', (event) => this.wheel(event, n), { passive: false });
       group.addEventListener('keydown', (event) => this.key(event));
       group.addEventListener('focus', () => {
@@ -50,8 +50,12 @@ class Stage {
   layOut() {
     const { state } = this.editor;
     if (!state) return;
-    const stage = document.getElementById('stage'), style = getComputedStyle(stage);
-    const room = { width: stage.clientWidth - 2 * parseFloat(style.paddingLeft), height: stage.clientHeight - 2 * parseFloat(style.paddingTop) };
+    const stage = document.getElementById('stage'),
+      style = getComputedStyle(stage);
+    const room = {
+      width: stage.clientWidth - 2 * parseFloat(style.paddingLeft),
+      height: stage.clientHeight - 2 * parseFloat(style.paddingTop),
+    };
     const zoom = Math.min(room.width / state.camera.width, room.height / state.camera.height);
     this.zoom = Math.max(zoom, 0.1);
     this.frame.style.width = `${Math.floor(state.camera.width * this.zoom)}px`;
@@ -78,7 +82,8 @@ class Stage {
     this.lines.replaceChildren();
     if (!shown) return;
     scene.tracks.forEach((track, n) => {
-      let path = '', pen = 'M';
+      let path = '',
+        pen = 'M';
       for (const point of track) {
         const seen = project(state.camera, point);
         if (seen) path += `${pen}${(seen.u * this.zoom).toFixed(1)} ${(seen.v * this.zoom).toFixed(1)}`;
@@ -97,7 +102,7 @@ class Stage {
     state.key_points.forEach((point, n) => {
       const handle = this.handles[n];
       if (!handle) return;
-      const held = this.drag && this.drag.at.get(n);  // under the pointer, whatever the server knows by now
+      const held = this.drag && this.drag.at.get(n); // under the pointer, whatever the server knows by now
       const [u, v] = held || [point.u, point.v];
       handle.style.display = point.in_front ? '' : 'none';
       handle.setAttribute('transform', `translate(${u * this.zoom} ${v * this.zoom})`);
@@ -115,29 +120,45 @@ class Stage {
     const handle = this.handles[n];
     handle.setPointerCapture(event.pointerId);
     const depthOnly = event.shiftKey;
-    if (event.shiftKey && !event.altKey) {
-      // A shift-click adds to the selection; moved, it changes the depth of all that is selected.
+    let toggled = null;
+    if (event.shiftKey) {
+      // A shift-click adds to the selection, or takes out of it; moved, it changes the depth of all that is selected.
+      toggled = editor.selected.has(n) ? n : null;
       const chosen = new Set(editor.selected);
-      if (chosen.has(n)) this.unselectOnClick = n;
       chosen.add(n);
       editor.select(chosen);
     } else if (!editor.selected.has(n)) {
       editor.select(new Set([n]));
     }
-    const from = new Map([...editor.selected].map((k) => [k, [editor.state.key_points[k].u, editor.state.key_points[k].v]]));
-    this.drag = { x: event.clientX, y: event.clientY, lastY: event.clientY, from, at: new Map(), depthOnly, gesture: editor.gesture() };
+    const from = new Map(
+      [...editor.selected].map((k) => [k, [editor.state.key_points[k].u, editor.state.key_points[k].v]]),
+    );
+    this.drag = {
+      x: event.clientX,
+      y: event.clientY,
+      lastY: event.clientY,
+      from,
+      at: new Map(),
+      depthOnly,
+      toggled,
+      gesture: editor.gesture(),
+    };
   }
 
   move(event) {
     const { drag, editor } = this;
     if (!drag) return;
-    const dx = event.clientX - drag.x, dy = event.clientY - drag.y;
+    const dx = event.clientX - drag.x,
+      dy = event.clientY - drag.y;
     if (!drag.going && Math.hypot(dx, dy) < 3) return;
     drag.going = true;
     if (drag.depthOnly) {
       const factor = Math.exp((drag.lastY - event.clientY) * 0.002);
       drag.lastY = event.clientY;
-      editor.send([...drag.from.keys()].map((n) => ({ do: 'depth', key_point: n, factor, gesture: drag.gesture })), event.timeStamp);
+      editor.send(
+        [...drag.from.keys()].map((n) => ({ do: 'depth', key_point: n, factor, gesture: drag.gesture })),
+        event.timeStamp,
+      );
       return;
     }
     const operations = [];
@@ -150,9 +171,21 @@ class Stage {
     this.draw();
   }
 
+  end() {
+    const { drag, editor } = this;
+    this.drag = null;
+    if (!drag || drag.going || drag.toggled === null) return;
+    const chosen = new Set(editor.selected);
+    chosen.delete(drag.toggled);
+    editor.select(chosen);
+  }
+
   scaleDepth(points, factor, moved = 0) {
     const gesture = this.editor.gesture('depth');
-    this.editor.send(points.map((n) => ({ do: 'depth', key_point: n, factor, gesture })), moved);
+    this.editor.send(
+      points.map((n) => ({ do: 'depth', key_point: n, factor, gesture })),
+      moved,
+    );
   }
 
   wheel(event, n) {
@@ -169,7 +202,10 @@ class Stage {
     const arrow = arrows[event.key];
     if (arrow) {
       const gesture = editor.gesture('nudge');
-      editor.send(chosen.map((n) => ({ do: 'nudge', key_point: n, u: arrow[0], v: arrow[1], gesture })), event.timeStamp);
+      editor.send(
+        chosen.map((n) => ({ do: 'nudge', key_point: n, u: arrow[0], v: arrow[1], gesture })),
+        event.timeStamp,
+      );
     } else if (event.key === 'PageUp' || event.key === 'PageDown') {
       this.scaleDepth(chosen, event.key === 'PageUp' ? 1.02 : 1 / 1.02, event.timeStamp);
     } else if (event.key === 'Escape') {

@@ -35,7 +35,7 @@ class Link {
     this.previewWidth = 160;
     this.stillWidth = 320;
     this.weights = false;
-    this.before = () => [];  // operations in front of and behind each request's own: how a trail is recorded
+    this.before = () => []; // operations in front of and behind each request's own: how a trail is recorded
     this.behind = () => [];
   }
 
@@ -44,8 +44,13 @@ class Link {
     for (const operation of operations) {
       // Points that move together alternate: look back as far as the moves go.
       let i = this.pending.length - 1;
-      while (i >= 0 && operation.do === 'move' && this.pending[i].do === 'move' &&
-             this.pending[i].key_point !== operation.key_point) --i;
+      while (
+        i >= 0 &&
+        operation.do === 'move' &&
+        this.pending[i].do === 'move' &&
+        this.pending[i].key_point !== operation.key_point
+      )
+        --i;
       if (!merged(this.pending[i], operation)) this.pending.push({ ...operation });
     }
     this.moved = moved || this.moved;
@@ -74,7 +79,11 @@ class Link {
     const picture = { width: still ? this.stillWidth : this.previewWidth, weights: this.weights, preview: !still };
     const all = operations.length ? [...this.before(), ...operations, ...this.behind()] : operations;
     try {
-      const answer = await ask('api/edit', { method: 'POST', body: { tab, operations: all, picture }, signal: abort.signal });
+      const answer = await ask('api/edit', {
+        method: 'POST',
+        body: { tab, operations: all, picture },
+        signal: abort.signal,
+      });
       if (answer.picture && answer.picture.preview) this.adapt(answer.picture);
       await this.on.answer(answer.state, answer.picture, moved);
     } catch (error) {
@@ -90,8 +99,11 @@ class Link {
     const perPixel = picture.milliseconds / (picture.width * picture.height);
     this.perPixel = this.perPixel ? 0.8 * this.perPixel + 0.2 * perPixel : perPixel;
     const aspect = picture.height / picture.width;
-    const fits = [240, 320, 480].filter((width) => width * width * aspect * this.perPixel < 36 && width <= this.stillWidth);
-    this.previewWidth = Number(document.documentElement.dataset.preview) || fits.pop() || Math.min(160, this.stillWidth);
+    const fits = [240, 320, 480].filter(
+      (width) => width * width * aspect * this.perPixel < 36 && width <= this.stillWidth,
+    );
+    this.previewWidth =
+      Number(document.documentElement.dataset.preview) || fits.pop() || Math.min(160, this.stillWidth);
   }
 
   async lose(error) {

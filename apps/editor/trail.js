@@ -3,8 +3,22 @@
 class Trail {
   constructor(editor, link) {
     Object.assign(this, { editor, link, playing: null, recording: null });
-    const ids = ['record', 'key-frame', 'trail-play', 'trail-time', 'ticks', 'trail-at', 'trail-clear', 'download-edit',
-      'fps', 'video-width', 'video', 'video-progress', 'video-cancel', 'video-file'];
+    const ids = [
+      'record',
+      'key-frame',
+      'trail-play',
+      'trail-time',
+      'ticks',
+      'trail-at',
+      'trail-clear',
+      'download-edit',
+      'fps',
+      'video-width',
+      'video',
+      'video-progress',
+      'video-cancel',
+      'video-file',
+    ];
     this.part = Object.fromEntries(ids.map((id) => [id, document.getElementById(id)]));
     const click = (id, act) => this.part[id].addEventListener('click', act);
     click('record', () => this.record());
@@ -16,13 +30,18 @@ class Trail {
     this.part['trail-time'].addEventListener('input', () => this.show(Number(this.part['trail-time'].value), 'scrub'));
     this.part.fps.addEventListener('change', () => this.draw());
     // While recording, every request ends with a key frame; after a rest one before it says that nothing moved.
-    link.before = () => (this.recording && this.now() - this.recording.last > 0.25 ? [this.keyFrame(this.now() - 0.1)] : []);
+    link.before = () =>
+      this.recording && this.now() - this.recording.last > 0.25 ? [this.keyFrame(this.now() - 0.1)] : [];
     link.behind = () => (this.recording ? [this.keyFrame(this.now())] : []);
     this.watch();
   }
 
-  get trail() { return this.editor.state.trail; }
-  now() { return this.recording.base + (performance.now() - this.recording.start) / 1000; }
+  get trail() {
+    return this.editor.state.trail;
+  }
+  now() {
+    return this.recording.base + (performance.now() - this.recording.start) / 1000;
+  }
 
   keyFrame(time) {
     if (this.recording) this.recording.last = time;
@@ -63,7 +82,8 @@ class Trail {
   play() {
     if (this.recording || !this.trail.times.length) return;
     if (this.playing) return this.stop();
-    const gesture = this.editor.gesture(), start = performance.now();
+    const gesture = this.editor.gesture(),
+      start = performance.now();
     const step = () => {
       const time = Math.min((performance.now() - start) / 1000, this.trail.duration);
       this.show(time, gesture);
@@ -76,17 +96,22 @@ class Trail {
 
   drawTime() {
     const { times, duration } = this.trail;
-    this.part['trail-at'].textContent = this.recording ? `recording ${duration.toFixed(1)} s`
-      : times.length ? `${Number(this.part['trail-time'].value).toFixed(1)} / ${duration.toFixed(1)} s` : 'empty';
+    this.part['trail-at'].textContent = this.recording
+      ? `recording ${duration.toFixed(1)} s`
+      : times.length
+        ? `${Number(this.part['trail-time'].value).toFixed(1)} / ${duration.toFixed(1)} s`
+        : 'empty';
   }
 
   draw() {
     if (!this.editor.state) return;
-    const { times, duration } = this.trail, some = times.length > 0;
+    const { times, duration } = this.trail,
+      some = times.length > 0;
     this.part.record.setAttribute('aria-pressed', Boolean(this.recording));
     this.part.record.textContent = this.recording ? '\u25a0 Stop' : '\u25cf Record';
     this.part['trail-time'].max = duration;
-    for (const id of ['trail-time', 'trail-play', 'trail-clear']) this.part[id].disabled = !some || Boolean(this.recording);
+    for (const id of ['trail-time', 'trail-play', 'trail-clear'])
+      this.part[id].disabled = !some || Boolean(this.recording);
     this.part['key-frame'].disabled = Boolean(this.recording);
     this.part.video.disabled = !some || Boolean(this.recording) || this.rendering;
     this.part['download-edit'].setAttribute('aria-disabled', !some);
@@ -97,9 +122,14 @@ class Trail {
     ticks.height = ticks.clientHeight * devicePixelRatio;
     const pen = ticks.getContext('2d');
     pen.fillStyle = getComputedStyle(ticks).color;
-    const margin = 8 * devicePixelRatio;  // half of the slider's knob
+    const margin = 8 * devicePixelRatio; // half of the slider's knob
     for (const time of times) {
-      pen.fillRect(margin + (duration ? time / duration : 0) * (ticks.width - 2 * margin), 0, devicePixelRatio, ticks.height);
+      pen.fillRect(
+        margin + (duration ? time / duration : 0) * (ticks.width - 2 * margin),
+        0,
+        devicePixelRatio,
+        ticks.height,
+      );
     }
   }
 

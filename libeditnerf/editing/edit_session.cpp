@@ -143,9 +143,9 @@ void EditSession::SetPosition(int64_t key_point, const Vec3& position, int64_t g
   state_.depth_factors[n] = now.valid ? now.depth / DefaultDepth(n, now.u, now.v) : 1;
 }
 
-void EditSession::Reset(int64_t key_point) {
+void EditSession::Reset(int64_t key_point, int64_t gesture) {
   const size_t n = Index(key_point);
-  Remember(0);
+  Remember(gesture);
   state_.key_points[n] = scene_->tracks.Row(state_.row)[n];
   state_.depth_factors[n] = 1;
 }

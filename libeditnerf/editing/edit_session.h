@@ -57,7 +57,7 @@ class EditSession {
   void ScaleDepth(int64_t key_point, double factor, int64_t gesture = 0);
 
   void SetPosition(int64_t key_point, const Vec3& position, int64_t gesture = 0);
-  void Reset(int64_t key_point);  // to where training frame row() has it
+  void Reset(int64_t key_point, int64_t gesture = 0);  // to where the training frame state().row has it
   void ResetAll();
   void SnapTo(int64_t row, int64_t gesture = 0);  // key points and codes of a training frame
 

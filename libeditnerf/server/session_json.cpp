@@ -66,7 +66,7 @@ const std::map<std::string, Operation>& Operations() {
       {"nudge", [](A a, S s) { s.Nudge(a.KeyPoint(), a.Number("u"), a.Number("v"), a.Gesture()); }},
       {"depth", [](A a, S s) { s.ScaleDepth(a.KeyPoint(), a.Number("factor"), a.Gesture()); }},
       {"place", [](A a, S s) { s.SetPosition(a.KeyPoint(), a.Position(), a.Gesture()); }},
-      {"reset", [](A a, S s) { s.Reset(a.KeyPoint()); }},
+      {"reset", [](A a, S s) { s.Reset(a.KeyPoint(), a.Gesture()); }},
       {"reset_all", [](A, S s) { s.ResetAll(); }},
       {"snap", [](A a, S s) { s.SnapTo(a.Integer("row"), a.Gesture()); }},
       {"undo", [](A, S s) { s.Undo(); }},

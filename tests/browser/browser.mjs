@@ -12,13 +12,21 @@ export function findChromium() {
 export class Browser {
   constructor(program, { width = 1280, height = 720 } = {}) {
     this.profile = mkdtempSync(join(tmpdir(), 'enf-browser-'));
-    const flags = ['--headless', '--no-sandbox', '--disable-gpu', '--no-first-run', '--remote-debugging-pipe',
-      `--window-size=${width},${height}`, `--user-data-dir=${this.profile}`, 'about:blank'];
+    const flags = [
+      '--headless',
+      '--no-sandbox',
+      '--disable-gpu',
+      '--no-first-run',
+      '--remote-debugging-pipe',
+      `--window-size=${width},${height}`,
+      `--user-data-dir=${this.profile}`,
+      'about:blank',
+    ];
     this.process = spawn(program, flags, { stdio: ['ignore', 'ignore', 'ignore', 'pipe', 'pipe'] });
     this.size = { width, height };
     this.waiting = new Map();
     this.next = 1;
-    this.problems = [];  // exceptions and errors that the page reported
+    this.problems = []; // exceptions and errors that the page reported
     let text = '';
     this.process.stdio[4].on('data', (data) => {
       text += data;
@@ -29,8 +37,10 @@ export class Browser {
   }
 
   take(message) {
-    if (message.method === 'Runtime.exceptionThrown') this.problems.push(message.params.exceptionDetails.exception?.description);
-    if (message.method === 'Log.entryAdded' && message.params.entry.level === 'error') this.problems.push(message.params.entry.text);
+    if (message.method === 'Runtime.exceptionThrown')
+      this.problems.push(message.params.exceptionDetails.exception?.description);
+    if (message.method === 'Log.entryAdded' && message.params.entry.level === 'error')
+      this.problems.push(message.params.entry.text);
     const waiting = this.waiting.get(message.id);
     if (!waiting) return;
     this.waiting.delete(message.id);
@@ -67,7 +77,14 @@ export class Browser {
   }
 
   mouse(type, [x, y], more = {}) {
-    return this.send('Input.dispatchMouseEvent', { type, x, y, button: type === 'mouseMoved' && !more.buttons ? 'none' : 'left', clickCount: type === 'mouseMoved' ? 0 : 1, ...more });
+    return this.send('Input.dispatchMouseEvent', {
+      type,
+      x,
+      y,
+      button: type === 'mouseMoved' && !more.buttons ? 'none' : 'left',
+      clickCount: type === 'mouseMoved' ? 0 : 1,
+      ...more,
+    });
   }
 
   // modifiers: 1 Alt, 2 Ctrl, 8 Shift.

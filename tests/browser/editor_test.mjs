@@ -26,9 +26,11 @@ const server = spawn(program, [run, '--port', '0', '--quiet'], { stdio: ['ignore
 const url = await new Promise((found) => server.stdout.once('data', (data) => found(String(data).trim())));
 const browser = new Browser(chromium);
 
-const picture = () => browser.evaluate(`(() => { const c = document.getElementById('picture');
+const picture = () =>
+  browser.evaluate(`(() => { const c = document.getElementById('picture');
   return c.width + 'x' + c.height + ':' + c.toDataURL(); })()`);
-const centerOf = (selector) => browser.evaluate(`(() => { const r = document.querySelector('${selector}').getBoundingClientRect();
+const centerOf = (selector) =>
+  browser.evaluate(`(() => { const r = document.querySelector('${selector}').getBoundingClientRect();
   return [r.x + r.width / 2, r.y + r.height / 2]; })()`);
 const textOf = (id) => browser.evaluate(`document.getElementById('${id}').textContent`);
 const shot = async (name) => folder && writeFileSync(join(folder, name), await browser.screenshot());
@@ -62,20 +64,33 @@ async function measure() {
   for (let i = 0; i < 20; ++i) path.push([x + 60 * Math.sin(i), y - 40 * Math.abs(Math.sin(0.7 * i))]);
   await drag(path, { steps: 30, wait: 16 });
   await pause(1000);
-  const shown = await browser.evaluate(`performance.getEntriesByName('move to picture').map((entry) => [entry.duration, entry.detail.rendering, entry.detail.width])`);
-  const of = (column, share) => shown.map((row) => row[column]).sort((a, b) => a - b)[Math.floor(share * (shown.length - 1))].toFixed(0);
-  console.log(`pointer to picture: ${shown.length} pictures, ${of(2, 0)} to ${of(2, 1)} pixels wide, median ${of(0, 0.5)} ms, ` +
-    `nine tenths within ${of(0, 0.9)} ms; of it rendering and waiting for it: median ${of(1, 0.5)} ms`);
+  const shown = await browser.evaluate(
+    `performance.getEntriesByName('move to picture').map((entry) => [entry.duration, entry.detail.rendering, entry.detail.width])`,
+  );
+  const of = (column, share) =>
+    shown
+      .map((row) => row[column])
+      .sort((a, b) => a - b)
+      [Math.floor(share * (shown.length - 1))].toFixed(0);
+  console.log(
+    `pointer to picture: ${shown.length} pictures, ${of(2, 0)} to ${of(2, 1)} pixels wide, median ${of(0, 0.5)} ms, ` +
+      `nine tenths within ${of(0, 0.9)} ms; of it rendering and waiting for it: median ${of(1, 0.5)} ms`,
+  );
 }
 
 try {
   await browser.open(url);
-  await browser.until(`document.querySelectorAll('.handle').length > 0 && document.getElementById('status').textContent.includes('ms')`);
+  await browser.until(
+    `document.querySelectorAll('.handle').length > 0 && document.getElementById('status').textContent.includes('ms')`,
+  );
   const before = await still();
   await shot('start.png');
 
   const [x, y] = await centerOf('.handle');
-  await drag([[x, y], [x + 40, y - 60]]);
+  await drag([
+    [x, y],
+    [x + 40, y - 60],
+  ]);
   const moved = await still();
   check(moved !== before, 'a drag changes the picture');
   const [hx, hy] = await centerOf('.handle');
@@ -97,7 +112,10 @@ try {
 
   await drag([await centerOf('.handle'), [x + 250, y - 250]]);
   await still();
-  check(await browser.evaluate(`document.querySelector('.handle').matches('.far, .beyond')`), 'far from training the handle says so');
+  check(
+    await browser.evaluate(`document.querySelector('.handle').matches('.far, .beyond')`),
+    'far from training the handle says so',
+  );
   await shot('beyond.png');
   await browser.key('R', 8);
   await still();
@@ -112,7 +130,11 @@ try {
   check((await still()) === before, 'camera, key points and weights come back to the first picture');
 
   await browser.evaluate(`document.getElementById('record').click()`);
-  await drag([[x, y], [x + 30, y - 50], [x, y]]);
+  await drag([
+    [x, y],
+    [x + 30, y - 50],
+    [x, y],
+  ]);
   await pause(300);
   await browser.evaluate(`document.getElementById('record').click()`);
   await browser.until(`!document.getElementById('video').disabled`);
