@@ -32,6 +32,7 @@ StabilityRows HashEncodingStability();
 StabilityRows ProjectionStability();
 StabilityRows NetworkStability();
 StabilityRows MarchingStability();
+StabilityRows FusedPassStability();
 
 // Error against run time of ways to solve dT/ds = -sigma T, from thin to stiff.
 struct IntegrationPoint {

@@ -251,7 +251,10 @@ void RayShading::Train(const FieldKernel& field, const BundledRays& rays, const 
     for (size_t s = end; s-- > begin;) {
       const double w = weight_[s];
       const double g = to_weight_[s] + g_rgb[0] * rgb_[0][s] + g_rgb[1] * rgb_[1][s] + g_rgb[2] * rgb_[2][s];
-      const double to_tau = g * (light_[s] - w) - later + end_light;
+      // Behind an opaque sample nothing is left of the difference; there the next sample has the light.
+      double behind = light_[s] - w;
+      if (2 * behind < light_[s]) behind = s + 1 < end ? light_[s + 1] : passing;
+      const double to_tau = g * behind - later + end_light;
       to_density_[s] = static_cast<float>(to_tau * tau_[s]);
       later += g * w;
       for (int c = 0; c < 3; ++c) {

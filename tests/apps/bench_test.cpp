@@ -151,9 +151,9 @@ TEST_CASE("enf-bench stability finds every operator within its bounds, and trans
     CHECK(row.at("error") <= row.at("bound"));
     if (!row.at("gradient_bound").is_null()) CHECK(row.at("gradient_error") <= row.at("gradient_bound"));
   }
-  CHECK(operations == std::set<std::string>{"SE(3) exponential", "clamped exp", "compositing", "hash encoding",
-                                            "marching", "positional encoding", "projection", "small network", "softmax",
-                                            "softplus"});
+  CHECK(operations == std::set<std::string>{"SE(3) exponential", "clamped exp", "compositing", "fused pass",
+                                            "hash encoding", "marching", "positional encoding", "projection",
+                                            "small network", "softmax", "softplus"});
   for (const Json& point : json.at("integration")) {
     INFO(point.dump());
     const auto way = point.at("way").get<std::string>();

@@ -1,0 +1,160 @@
+// The fused pass from the march to the gradients of log densities, ray by ray. Samples lie exactly on the corners of a
+// hash level, and both networks are a single layer, so that every sample has an entry of the table to itself: its
+// features are the sample's log density and what its colour is made of.
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "libeditnerf/benchmarks/stability_measure.h"
+#include "libeditnerf/kernels/fused_rays.h"
+#include "libeditnerf/kernels/hash_index.h"
+
+namespace editnerf {
+namespace {
+
+constexpr int64_t kSteps = 64, kRays = 48, kTableSize = 1 << 19;
+constexpr double kTargets[3] = {0.25, 0.5, 0.75};
+
+// Gradients are compared with the largest of their ray, however small that is: a ray whose first sample is opaque has
+// none but e^-tau. They are differences of weights, which lose digits as rays grow thick.
+constexpr double kFaintest = 1e-28, kGradientBound = 2e-3;
+
+struct Logs {
+  std::string name;
+  torch::Tensor density;  // [R, kSteps] float32, logarithms within the clamp
+};
+
+struct Shaded {
+  torch::Tensor rgb, gradient;  // [R, 3], [R, kSteps] with respect to log density
+};
+
+std::vector<Logs> AllLogs() {
+  torch::manual_seed(9);
+  const auto rising = torch::linspace(-15, 15, kRays).unsqueeze(1).expand({kRays, kSteps}).contiguous();
+  auto opaque = torch::full({kRays, kSteps}, -9.0F);
+  for (int64_t r = 0; r < kRays; ++r) opaque[r][r % kSteps] = 15;
+  const auto alternating = torch::tensor({-15.0F, 15.0F, -15.0F, 0.0F}).repeat({kRays, kSteps / 4});
+  return {{"equal, e^-15 to e^15", rising},
+          {"mixed, e^-15 to e^15", torch::rand({kRays, kSteps}) * 30 - 15},
+          {"one opaque among thin", opaque},
+          {"alternating e^-15, e^15, 1", alternating}};
+}
+
+int64_t EntryOf(int64_t ray, int64_t step) {
+  const hash_index::Level level(kSteps, kTableSize);
+  return level.Entry(static_cast<uint32_t>(step), level.Row(static_cast<uint32_t>(ray), 7));
+}
+
+struct Scene {
+  explicit Scene(const torch::Tensor& log_density) {
+    features = torch::rand({kRays, kSteps}) * 4 - 2;
+    field.canonical.table = torch::zeros({1, kTableSize, 2});
+    field.canonical.resolutions = {kSteps};
+    field.low = {0, 0, 0};
+    field.density = {{torch::eye(2)}, {torch::zeros({2})}, true};
+    field.color = {{torch::tensor({{1.0F}, {-0.5F}, {0.25F}})}, {torch::tensor({0.0F, 0.5F, -0.5F})}, true};
+    auto* const table = field.canonical.table.data_ptr<float>();
+    origin = torch::empty({kRays, 3});
+    for (int64_t r = 0; r < kRays; ++r) {
+      const float at[3] = {0, static_cast<float>(r) / kSteps, 7.0F / kSteps};
+      std::copy_n(at, 3, origin.data_ptr<float>() + 3 * r);
+      for (int64_t i = 0; i < kSteps; ++i) {
+        table[2 * EntryOf(r, i)] = log_density.data_ptr<float>()[r * kSteps + i];
+        table[2 * EntryOf(r, i) + 1] = features.data_ptr<float>()[r * kSteps + i];
+      }
+    }
+    grid = MarchedGrid({torch::full({3}, -0.5, torch::kFloat64), torch::full({3}, 1.5, torch::kFloat64), occupied, 1});
+    rays.count = kRays;
+    rays.origin = origin.data_ptr<float>(), rays.direction = direction.data_ptr<float>();
+    rays.jitter = jitter.data_ptr<float>(), rays.state = state.data_ptr<int64_t>();
+    rays.grid = &grid;
+    rays.steps = MarchedSteps(0, 1, kSteps);
+    rays.delta = 1.0F / kSteps;
+  }
+
+  torch::Tensor features, origin;  // [R, kSteps], [R, 3]
+  torch::Tensor direction = torch::tensor({1.0F, 0.0F, 0.0F}).repeat({kRays, 1}), jitter = torch::zeros({kRays});
+  torch::Tensor state = torch::zeros({kRays}, torch::kInt64), occupied = torch::ones({1}, torch::kBool);
+  torch::Tensor target = torch::tensor({0.25F, 0.5F, 0.75F}).repeat({kRays, 1});
+  FusedField field;
+  MarchedGrid grid;
+  BundledRays rays;
+};
+
+Shaded Found(Scene& scene) {
+  FusedStates states;
+  const FieldKernel kernel(scene.field, states);
+  FusedRays fused;
+  Shaded found = {torch::empty({kRays, 3}), torch::empty({kRays, kSteps})};
+  const auto opacity = torch::empty({kRays}), depth = torch::empty({kRays}),
+             valid = torch::empty({kRays}, torch::kBool);
+  RayPicture picture;
+  picture.rgb = found.rgb.data_ptr<float>();
+  picture.opacity = opacity.data_ptr<float>(), picture.depth = depth.data_ptr<float>();
+  picture.depth_valid = valid.data_ptr<bool>();
+  fused.Show(kernel, scene.rays, picture);
+  scene.field.canonical.table.mutable_grad() = torch::Tensor();
+  RayLoss loss;
+  loss.target = scene.target.data_ptr<float>();
+  fused.AddGradients(kernel, scene.rays, loss, &states);
+  const auto gradient = scene.field.canonical.table.grad().contiguous();
+  for (int64_t r = 0; r < kRays; ++r) {
+    for (int64_t i = 0; i < kSteps; ++i) {
+      found.gradient.data_ptr<float>()[r * kSteps + i] = gradient.data_ptr<float>()[2 * EntryOf(r, i)];
+    }
+  }
+  return found;
+}
+
+// As in stability_compositing.cpp: light multiplied on, gradients from the back to the front.
+Shaded Expected(const Scene& scene, const torch::Tensor& log_density) {
+  Shaded expected = {torch::empty({kRays, 3}, torch::kFloat64), torch::zeros({kRays, kSteps}, torch::kFloat64)};
+  const auto *const weight = scene.field.color.weights[0].data_ptr<float>(), *const bias = scene.field.color.biases[0]
+                                                                                               .data_ptr<float>();
+  for (int64_t r = 0; r < kRays; ++r) {
+    Real tau[kSteps], behind[kSteps], light = 1;
+    for (int64_t i = 0; i < kSteps; ++i) {
+      tau[i] = std::exp(static_cast<Real>(log_density.data_ptr<float>()[r * kSteps + i])) / kSteps;
+      behind[i] = light *= std::exp(-tau[i]);
+    }
+    for (int64_t c = 0; c < 3; ++c) {
+      Real seen[kSteps + 1] = {};  // from sample i on
+      Real color[kSteps];
+      for (int64_t i = kSteps; i-- > 0;) {
+        const Real feature = scene.features.data_ptr<float>()[r * kSteps + i];
+        color[i] = 1 / (1 + std::exp(-(weight[c] * feature + bias[c])));
+        seen[i] = -std::expm1(-tau[i]) * color[i] + std::exp(-tau[i]) * seen[i + 1];
+      }
+      expected.rgb[r][c] = static_cast<double>(seen[0]);
+      const Real pull = 2 * (seen[0] - kTargets[c]) / (3 * kRays);
+      for (int64_t i = 0; i < kSteps; ++i) {
+        expected.gradient.data_ptr<double>()[r * kSteps + i] +=
+            static_cast<double>(pull * tau[i] * behind[i] * (color[i] - seen[i + 1]));
+      }
+    }
+  }
+  return expected;
+}
+
+}  // namespace
+
+StabilityRows FusedPassStability() {
+  StabilityRows rows;
+  for (const Logs& logs : AllLogs()) {
+    Scene scene(logs.density);
+    const Shaded expected = Expected(scene, logs.density);
+    ForEachInstructionSet([&](const std::string& target) {
+      const Shaded found = Found(scene);
+      rows.push_back({"fused pass",
+                      logs.name,
+                      target,
+                      {LargestErrorOfRows(found.rgb, expected.rgb, kFaintest), 16 * SinglePrecision().rounding},
+                      ErrorAndBound{LargestErrorOfRows(found.gradient, expected.gradient, kFaintest), kGradientBound},
+                      AllFinite({found.rgb, found.gradient})});
+    });
+  }
+  return rows;
+}
+
+}  // namespace editnerf
