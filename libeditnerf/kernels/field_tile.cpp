@@ -172,8 +172,8 @@ void FieldKernel::Slices(const int32_t* state, int64_t count, bool for_gradients
   float* const in = tile.Row(rows_.slicing_in);
   EncodeTile(tile.Row(rows_.x), 3, field_.slicing_octaves, 1, count, in);
   SpreadRows(codes_, field_.code_dim, state, count, TileRow(in, slicing_.in() - field_.code_dim));
-  slicing_.Forward(in, count, tile.Row(rows_.slicing_act),
-                   for_gradients);  // the last of its rows are the ambient coordinates
+  // The last of its rows are the ambient coordinates.
+  slicing_.Forward(in, count, tile.Row(rows_.slicing_act), for_gradients);
 }
 
 void FieldKernel::Density(const int32_t* state, int64_t count, bool for_gradients, TileMemory& tile) const {

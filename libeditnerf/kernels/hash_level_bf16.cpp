@@ -59,6 +59,15 @@ HWY_INLINE void CopyEnds(const Cells& cells, int64_t count, const uint32_t* entr
   }
 }
 
+// Returns the samples with those that fill up the last vector.
+HWY_INLINE int64_t LookUp(const HashPoints& points, const HashLevel& where, const uint32_t* entries, Cells& cells,
+                          Ends& ends) {
+  const HashPoints whole = WholeVectors(points);
+  FindCells(whole, hash_index::Level(where.resolution, where.table_size), where.resolution, cells);
+  CopyEnds(cells, whole.count, entries, ends);
+  return whole.count;
+}
+
 // Features of the lower and the upper end of an edge.
 struct Edge {
   hn::Vec<FloatTag> low0, low1, high0, high1;
@@ -77,12 +86,10 @@ HWY_INLINE Edge LoadEdge(const Ends& ends, int jk, int64_t s) {
 void Encode(const HashPoints& points, const HashLevel& where, const uint32_t* entries, float* out0, float* out1) {
   const FloatTag f;
   const auto lanes = static_cast<int64_t>(hn::Lanes(f));
-  const HashPoints whole = WholeVectors(points);
   Cells cells;
   Ends ends;
-  FindCells(whole, hash_index::Level(where.resolution, where.table_size), where.resolution, cells);
-  CopyEnds(cells, whole.count, entries, ends);
-  for (int64_t s = 0; s < whole.count; s += lanes) {
+  const int64_t count = LookUp(points, where, entries, cells, ends);
+  for (int64_t s = 0; s < count; s += lanes) {
     auto low0 = hn::Zero(f), low1 = low0, high0 = low0, high1 = low0;
     for (int jk = 0; jk < 4; ++jk) {
       const Edge edge = LoadEdge(ends, jk, s);
@@ -104,12 +111,10 @@ void Slope(const HashPoints& points, const HashLevel& where, const uint32_t* ent
   const FloatTag f;
   const auto lanes = static_cast<int64_t>(hn::Lanes(f));
   const auto scale = hn::Set(f, static_cast<float>(where.resolution));
-  const HashPoints whole = WholeVectors(points);
   Cells cells;
   Ends ends;
-  FindCells(whole, hash_index::Level(where.resolution, where.table_size), where.resolution, cells);
-  CopyEnds(cells, whole.count, entries, ends);
-  for (int64_t s = 0; s < whole.count; s += lanes) {
+  const int64_t count = LookUp(points, where, entries, cells, ends);
+  for (int64_t s = 0; s < count; s += lanes) {
     const auto g0 = hn::Mul(scale, hn::LoadU(f, grad0 + s)), g1 = hn::Mul(scale, hn::LoadU(f, grad1 + s));
     const auto x = hn::Load(f, cells.fraction[0] + s), y = hn::Load(f, cells.fraction[1] + s),
                z = hn::Load(f, cells.fraction[2] + s);
