@@ -1,4 +1,4 @@
-// enf-bench kernels|train|growth|render|diagram|stability: what this machine makes of the library.
+// enf-bench kernels|train|growth|render|diagram|tables|stability: what this machine makes of the library.
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -9,6 +9,7 @@
 #include "libeditnerf/benchmarks/kernel_benchmark.h"
 #include "libeditnerf/benchmarks/render_benchmark.h"
 #include "libeditnerf/benchmarks/stability_benchmark.h"
+#include "libeditnerf/benchmarks/tables_benchmark.h"
 #include "libeditnerf/benchmarks/train_benchmark.h"
 #include "support/config_files.h"
 #include "support/run.h"
@@ -29,14 +30,20 @@ struct Arguments {
   double render_seconds = 20;
   DiagramBenchmark diagram;
   StabilityBenchmark stability;
+  TablesBenchmark tables;
+  fs::path lpips_backbone, lpips_linear;
   std::vector<std::string> variants;
 };
 
-void AddSceneOptions(CLI::App* command, Arguments* a, const char* what) {
-  command->add_option("SCENE", a->scene, what)->required();
+void AddSizeOptions(CLI::App* command, Arguments* a) {
   command->add_option("--frames", a->synthetic.frames, "training frames of a synthetic scene")->capture_default_str();
   command->add_option("--width", a->synthetic.width, "pixels of a synthetic scene")->capture_default_str();
   command->add_option("--height", a->synthetic.height, "pixels of a synthetic scene")->capture_default_str();
+}
+
+void AddSceneOptions(CLI::App* command, Arguments* a, const char* what) {
+  command->add_option("SCENE", a->scene, what)->required();
+  AddSizeOptions(command, a);
 }
 
 void AddKernels(CLI::App& app, Arguments* a) {
@@ -84,6 +91,35 @@ void AddRender(CLI::App& app, Arguments* a) {
       ->delimiter(',');
 }
 
+void AddTables(CLI::App& app, Arguments* a) {
+  auto* command = app.add_subcommand("tables", "the paper's tables: fields, ablation, depth, key points, flow");
+  command->add_option("SCENES", a->tables.scenes, "scene folders, packed scenes, or names of synthetic scenes")
+      ->required();
+  AddSizeOptions(command, a);
+  command->add_option("--out", a->tables.folder, "folder for the runs; repeat the call to go on")->required();
+  command->add_option("--seeds", a->tables.seeds, "several, e.g. 1,2,3")->delimiter(',')->capture_default_str();
+  command->add_option("--paper-seconds", a->tables.paper_seconds, "of training the paper's networks; 0 leaves them out")
+      ->check(CLI::NonNegativeNumber);
+  command->add_flag("!--no-ladder", a->tables.ladder, "without the ablation");
+  command->add_option("--max-frames", a->tables.max_frames, "measured of each protocol; 0 for all")
+      ->check(CLI::NonNegativeNumber);
+  auto* backbone = command->add_option("--lpips-backbone", a->lpips_backbone, "weights of SqueezeNet 1.1");
+  auto* linear = command->add_option("--lpips-linear", a->lpips_linear, "weights of LPIPS v0.1 for it");
+  backbone->needs(linear);
+  linear->needs(backbone);
+}
+
+BenchmarkResult RunTables(Arguments a, const CommonOptions& common) {
+  a.tables.synthetic = a.synthetic;
+  a.tables.paper = LoadNamedConfig("paper");
+  a.tables.device = common.device;
+  if (!a.lpips_backbone.empty()) {
+    a.tables.lpips = LoadLpips(a.lpips_backbone, a.lpips_linear);
+    a.tables.lpips->to(common.device);
+  }
+  return RunTablesBenchmark(common.config, a.tables);
+}
+
 std::vector<DiagramVariant> ChosenVariants(const Config& config, const std::vector<std::string>& names) {
   std::vector<DiagramVariant> all = DiagramVariants(config, LoadNamedConfig("paper"));
   if (names.empty()) return all;
@@ -107,6 +143,7 @@ Run OpenOrTrain(const Arguments& a, const CommonOptions& common) {
 BenchmarkResult RunCommand(const std::string& name, Arguments a, const CommonOptions& common) {
   if (name == "kernels") return RunKernelBenchmark(common.config, a.kernels);
   if (name == "stability") return RunStabilityBenchmark(a.stability);
+  if (name == "tables") return RunTables(a, common);
   if (name == "growth") return RunGrowthBenchmark(common.config, a.growth);
   if (name == "render") return RunRenderBenchmark(OpenOrTrain(a, common), a.render);
   const BenchScene bench = OpenBenchScene(a.scene, a.synthetic, common.config.data);
@@ -146,6 +183,7 @@ int main(int argc, char** argv) {
         AddKernels(app, &arguments);
         AddTrain(app, &arguments);
         AddRender(app, &arguments);
+        AddTables(app, &arguments);
         AddStability(app, &arguments);
       },
       [&](const CommonOptions& common) {

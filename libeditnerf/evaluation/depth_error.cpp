@@ -29,8 +29,9 @@ std::vector<DepthError> MeasureDepthErrors(const torch::Tensor& depth, const Sce
   return errors;
 }
 
-void LogDepthTargetErrors(const Scene& scene, const DepthTargets& targets) {
-  if (!scene.truth || targets.size() == 0) return;
+std::vector<DepthError> MeasureDepthTargets(const Scene& scene, const DepthTargets& targets) {
+  std::vector<DepthError> errors;
+  if (!scene.truth || targets.size() == 0) return errors;
   const torch::Tensor row = torch::tensor(scene.train, torch::kInt64).index_select(0, targets.frame);
   const torch::Tensor u = targets.pixel.select(1, 0), v = targets.pixel.select(1, 1);
   const torch::Tensor truth = scene.truth->depth.index({row, v, u}), mask = scene.truth->mask.index({row, v, u});
@@ -38,9 +39,17 @@ void LogDepthTargetErrors(const Scene& scene, const DepthTargets& targets) {
   for (size_t part = 0; part <= scene.truth->objects.size(); ++part) {
     const torch::Tensor own = error.masked_select(mask == static_cast<int64_t>(part));
     if (own.numel() == 0) continue;
+    errors.push_back({part == 0 ? "static" : scene.truth->objects[part - 1], own.quantile(0.5).item<double>(),
+                      own.quantile(0.9).item<double>(), own.numel()});
+  }
+  return errors;
+}
+
+void LogDepthTargetErrors(const Scene& scene, const DepthTargets& targets) {
+  for (const DepthError& error : MeasureDepthTargets(scene, targets)) {
     LogInfo("  on {}: {} places, median error {:.2g} %, 90th percentile {:.2g} %",
-            part == 0 ? "the static scene" : scene.truth->objects[part - 1], own.numel(),
-            100 * own.quantile(0.5).item<double>(), 100 * own.quantile(0.9).item<double>());
+            error.part == "static" ? "the static scene" : error.part, error.pixels, 100 * error.median,
+            100 * error.percentile90);
   }
 }
 

@@ -24,6 +24,9 @@ struct DepthError {
 std::vector<DepthError> MeasureDepthErrors(const torch::Tensor& depth, const Scene& scene,
                                            const std::vector<int64_t>& rows);
 
+// Of known distances in training frames, by the part that is truly seen there; empty without ground truth.
+std::vector<DepthError> MeasureDepthTargets(const Scene& scene, const DepthTargets& targets);
+
 // One line of the log for each part on which distances are known; none without ground truth.
 void LogDepthTargetErrors(const Scene& scene, const DepthTargets& targets);
 

@@ -119,9 +119,9 @@ std::vector<KeyPointScore> MeasureKeyPoints(const Run& run, const Scene& scene, 
 nlohmann::json ToJson(const std::vector<KeyPointScore>& scores) {
   auto json = nlohmann::json::object();
   if (scores.empty()) return json;
-  const auto median = [](std::vector<double> values) {
+  const auto quantile = [](const std::vector<double>& values, double share) {
     if (values.empty()) return std::numeric_limits<double>::quiet_NaN();  // null in the file
-    return Percentile(std::move(values), 0.5);
+    return Percentile(values, share);
   };
   std::vector<double> distances, shares;
   int64_t on_moving_part = 0;
@@ -137,8 +137,9 @@ nlohmann::json ToJson(const std::vector<KeyPointScore>& scores) {
   }
   json["key_points.on_moving_part"] = on_moving_part;
   json["key_points.objects"] = std::move(objects);
-  json["key_points.error"] = median(std::move(distances));
-  json["key_points.error_share"] = median(std::move(shares));
+  json["key_points.error"] = quantile(distances, 0.5);
+  json["key_points.error_share"] = quantile(shares, 0.5);
+  json["key_points.error_share_95"] = quantile(shares, 0.95);
   return json;
 }
 

@@ -37,8 +37,9 @@ std::vector<KeyPointScore> MeasureKeyPoints(const Run& run, const Scene& scene,
                                             const std::filesystem::path& detection_folder);
 
 // {"key_points.on_moving_part": 2, "key_points.objects": ["lid", null, "lid"], "key_points.error": 0.01,
-//  "key_points.error_share": 0.02}: the medians over frames and key points of the distance, in scene units and as a
-// share of the key point's motion range (those on moving objects). Empty for no scores.
+//  "key_points.error_share": 0.02, "key_points.error_share_95": 0.05}: over frames and key points, the median distance
+// in scene units, and its median and 95th percentile as a share of the key point's motion range (those on moving
+// objects). Empty for no scores.
 nlohmann::json ToJson(const std::vector<KeyPointScore>& scores);
 
 }  // namespace editnerf

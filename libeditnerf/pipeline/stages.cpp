@@ -161,9 +161,11 @@ RenderedImage RenderSurface(const Run& run, const Scene& scene, int64_t row, dou
                      run.field->States(torch::tensor({row}, torch::kInt64).to(run.device)), options);
 }
 
-// Of some frames in their full size: the maps of all are smaller, and a pixel of theirs spans a piece of the floor.
-void MeasureDepth(const Run& run, const Scene& scene, const fs::path& path) {
+}  // namespace
+
+std::vector<DepthError> MeasureDepth(const Run& run, const Scene& scene) {
   const torch::NoGradGuard no_grad;
+  run.field->eval();
   const auto frames = static_cast<int64_t>(scene.train.size()), count = std::min(frames, kMeasuredSurfaces);
   std::vector<torch::Tensor> depth;
   std::vector<int64_t> rows;
@@ -171,10 +173,8 @@ void MeasureDepth(const Run& run, const Scene& scene, const fs::path& path) {
     rows.push_back((2 * i + 1) * frames / (2 * count));
     depth.push_back(RenderSurface(run, scene, rows.back(), 1).depth.to(torch::kCPU));
   }
-  WriteDepthErrors(MeasureDepthErrors(torch::stack(depth), scene, rows), path);
+  return MeasureDepthErrors(torch::stack(depth), scene, rows);
 }
-
-}  // namespace
 
 PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels) {
   const torch::NoGradGuard no_grad;
@@ -213,7 +213,7 @@ void RunPretraining(const Scene& scene, const StageRequest& request) {
   Run run = TrainStage(scene, request, FieldStage::kPretrain, {}, depth);
   const PretrainedMaps maps = RenderSurfaceMaps(run, scene);
   WritePretrainedMaps(maps, scene, request.out);
-  if (scene.truth) MeasureDepth(run, scene, request.out / "depth_error.json");
+  if (scene.truth) WriteDepthErrors(MeasureDepth(run, scene), request.out / "depth_error.json");
 }
 
 void CheckTraining(const Config& config) {
@@ -263,6 +263,11 @@ void RunTraining(const Scene& scene, const StageRequest& request, const fs::path
   if (detected.tracks.size(1) == 0) {
     LogWarning("{}: no key points (data/k_points_auto.txt); training a static scene", detection_folder.string());
   }
+  RunTraining(scene, request, std::move(detected));
+}
+
+void RunTraining(const Scene& scene, const StageRequest& request, DetectedKeyPoints detected) {
+  CheckTraining(request.config);
   DepthTargets depth;
   if (request.config.train.lambda_depth > 0) depth = Joined(detected.still_depth, detected.part_depth);
   TrainStage(scene, request, FieldStage::kTrain, std::move(detected), depth);

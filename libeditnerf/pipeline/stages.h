@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "libeditnerf/config/config.h"
+#include "libeditnerf/evaluation/depth_error.h"
 #include "libeditnerf/scene/scene.h"
 #include "libeditnerf/tracking/pretrained_maps.h"
 #include "libeditnerf/training/depth_targets.h"
@@ -41,6 +42,10 @@ void CheckTraining(const Config& config);
 // `detection_folder`), and writes RUN. A scene without key points is trained as a static one, with a warning.
 void RunTraining(const Scene& scene, const StageRequest& request, const std::filesystem::path& detection_folder);
 
+// How far the depth is off that the run sees in 16 training views, in their full size: the maps of all views are
+// smaller, and a pixel of theirs spans a piece of the floor. The scene needs ground truth.
+std::vector<DepthError> MeasureDepth(const Run& run, const Scene& scene);
+
 // Depth, ambient coordinates and canonical positions at the surface of every training view. At most
 // `max_pixels` are rendered in all: larger sequences at a fraction of their size, enlarged to the nearest pixel.
 PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels = 600'000);
@@ -53,5 +58,8 @@ struct DetectedKeyPoints {
   DepthTargets still_depth, part_depth;  // known distances of what stands still, and of rigid parts that move
 };
 DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const std::filesystem::path& folder);
+
+// RunTraining with these instead of what lies in a folder.
+void RunTraining(const Scene& scene, const StageRequest& request, DetectedKeyPoints detected);
 
 }  // namespace editnerf

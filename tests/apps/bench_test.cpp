@@ -185,3 +185,23 @@ TEST_CASE("enf-bench names a scene that is not there and a variant that it does 
         2, "--variants: unknown configuration 'fest'");
   fails({}, 2, "subcommand");
 }
+
+TEST_CASE("enf-bench tables goes the whole way on a scene, and does not run again what is finished") {
+  const ScratchFolder folder;
+  std::vector<std::string> arguments =
+      WithScene({"tables", "hinge", "--out", (folder / "runs").string(), "--max-frames", "1", "--set",
+                 "pretrain.steps=150", "--set", "train.steps=20"});
+  const Json json = Bench(folder, arguments);
+  const Json& seed = json.at("scenes").at(0).at("seeds").at(0);
+  for (const char* row : {"hypernerf", "fast"}) {
+    INFO(row);
+    CHECK(seed.at("rows").at(row).at("reconstruction.psnr").is_number());
+    CHECK(seed.at("rows").at(row).at("depth").at("lid").at("pixels") > 0);
+  }
+  CHECK(seed.at("flow").at(0).at("name") == "DIS");
+  const Json scores = ReadJson(folder / "runs/hinge/seed_1/fast/scores.json");
+  CHECK(scores == seed.at("rows").at("fast"));
+  const auto written = fs::last_write_time(folder / "runs/hinge/seed_1/fast/checkpoint.safetensors");
+  CHECK(Bench(folder, arguments).at("scenes") == json.at("scenes"));
+  CHECK(fs::last_write_time(folder / "runs/hinge/seed_1/fast/checkpoint.safetensors") == written);
+}
