@@ -14,7 +14,9 @@ function(editnerf_set_common target)
     target_compile_options(${target} PRIVATE -Werror)
   endif()
   if(EDITNERF_SANITIZE)
-    target_compile_options(${target} PUBLIC -fsanitize=${EDITNERF_SANITIZE} -fno-omit-frame-pointer)
+    # What is found ends the program: a report that scrolls by would fail no test.
+    target_compile_options(${target} PUBLIC -fsanitize=${EDITNERF_SANITIZE} -fno-sanitize-recover=all
+                                            -fno-omit-frame-pointer)
     target_link_options(${target} PUBLIC -fsanitize=${EDITNERF_SANITIZE})
   endif()
 endfunction()

@@ -14,7 +14,7 @@ namespace editnerf::testing {
 
 inline std::string LittleEndian(uint64_t value, int num_bytes) {
   std::string bytes;
-  for (int i = 0; i < num_bytes; ++i) bytes += static_cast<char>(value >> (8 * i) & 0xff);
+  for (int i = 0; i < num_bytes; ++i, value >>= 8) bytes += static_cast<char>(value & 0xff);
   return bytes;
 }
 

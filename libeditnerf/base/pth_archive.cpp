@@ -1,5 +1,6 @@
 #include "libeditnerf/base/pth_archive.h"
 
+#include <algorithm>
 #include <cstring>
 #include <string_view>
 
@@ -19,8 +20,12 @@ constexpr std::string_view kLegacyMagic("\x80\x02\x8a\x0al\xfc\x9c\x46\xf9\x20\x
 constexpr int64_t kLegacyVersion = 1001;
 
 // One-dimensional tensor with the bytes of a storage.
-torch::Tensor StorageTensor(std::string_view bytes, torch::ScalarType type) {
-  auto tensor = torch::empty({static_cast<int64_t>(bytes.size() / c10::elementSize(type))}, type);
+torch::Tensor StorageTensor(std::string_view bytes, const PickleValue& storage, const std::string& name) {
+  if (storage.type == torch::kBool &&
+      std::any_of(bytes.begin(), bytes.end(), [](char value) { return (value & ~1) != 0; })) {
+    Throw<DataError>("{}: storage '{}': expected 0 or 1 in every truth value", name, storage.text);
+  }
+  auto tensor = torch::empty({static_cast<int64_t>(bytes.size() / c10::elementSize(storage.type))}, storage.type);
   if (!bytes.empty()) std::memcpy(tensor.data_ptr(), bytes.data(), bytes.size());
   return tensor;
 }
@@ -106,7 +111,7 @@ std::map<std::string, torch::Tensor> ReadLegacy(std::string_view bytes, const st
       Throw<DataError>("{}: storage '{}' has {} elements, expected {}", name, key, count, found->second->integer);
     }
     const uint64_t size = StorageBytes(*found->second, bytes.size(), name);
-    storages[key] = StorageTensor(bytes.substr(0, size), found->second->type);
+    storages[key] = StorageTensor(bytes.substr(0, size), *found->second, name);
     bytes.remove_prefix(size);
   }
   return Assemble(dict, storages, name);
@@ -136,7 +141,7 @@ std::map<std::string, torch::Tensor> ReadZip(std::string_view bytes, const std::
     const auto data = entries.find(folder + "data/" + key);
     if (data == entries.end()) Throw<DataError>("{}: the data of storage '{}' is missing", name, key);
     const uint64_t size = StorageBytes(*storage, data->second.size(), name);
-    storages[key] = StorageTensor(data->second.substr(0, size), storage->type);
+    storages[key] = StorageTensor(data->second.substr(0, size), *storage, name);
   }
   return Assemble(dict, storages, name);
 }

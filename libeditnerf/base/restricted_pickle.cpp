@@ -16,6 +16,11 @@ constexpr const char* kAllowed =
     "collections.OrderedDict, torch._utils._rebuild_tensor_v2, torch._utils._rebuild_parameter and torch's storage "
     "types";
 
+// A state dict of a thousand tensors takes sixty thousand. An opcode makes at most one value, of 150 bytes.
+constexpr size_t kMaxOpcodes = size_t{1} << 20;
+constexpr size_t kMaxKeyLength = 256;  // every tensor of a storage repeats its key
+constexpr size_t kMaxTensorAxes = 16;
+
 bool FindGlobal(const std::string& name, PickleValue* value) {
   static const std::unordered_map<std::string, torch::ScalarType> kStorages = {
       {"torch.FloatStorage", torch::kFloat}, {"torch.DoubleStorage", torch::kDouble},
@@ -46,7 +51,8 @@ class Machine {
   Machine(std::string_view bytes, const std::string& name) : bytes_(bytes), name_(name) {}
 
   Pickle Run() {
-    while (Step(static_cast<unsigned char>(Take(1)[0]))) {
+    for (size_t num_opcodes = 1; Step(static_cast<unsigned char>(Take(1)[0])); ++num_opcodes) {
+      if (num_opcodes > kMaxOpcodes) Fail("more than {} opcodes", kMaxOpcodes);
     }
     Pickle pickle;
     pickle.root = Pop();
@@ -205,9 +211,11 @@ class Machine {
     if (type.global != PickleGlobal::kStorageType) Fail("a storage of type '{}'", type.text);
     if (parts.size() == 6) Expect(parts[5], Kind::kNone, "the view of a storage");
     PickleValue storage;
+    const std::string& key = Text(parts[2], "a storage's key");
+    if (key.size() > kMaxKeyLength) Fail("a storage's key of {} bytes, expected at most {}", key.size(), kMaxKeyLength);
     storage.kind = Kind::kStorage;
     storage.type = type.type;
-    storage.text = Text(parts[2], "a storage's key");
+    storage.text = key;
     storage.integer = Count(parts[4], "a storage's size");
     Push(Kind::kStorage) = std::move(storage);
   }
@@ -215,7 +223,7 @@ class Machine {
   void Reduce() {
     const auto call = PopItems(2);
     const PickleValue& global = Expect(call[0], Kind::kGlobal, "what is to be built");
-    const auto arguments = Expect(call[1], Kind::kTuple, "arguments").items;
+    const auto& arguments = Expect(call[1], Kind::kTuple, "arguments").items;  // the arena's values never move
     switch (global.global) {
       case PickleGlobal::kOrderedDict:
         return BuildDict(arguments);
@@ -257,30 +265,28 @@ class Machine {
     tensor.kind = Kind::kTensor;
     tensor.items = {arguments[0]};
     tensor.integer = Count(arguments[1], "a tensor's offset");
-    for (const size_t size : Expect(arguments[2], Kind::kTuple, "a tensor's sizes").items) {
-      tensor.sizes.push_back(Count(size, "a tensor's size"));
+    const auto& sizes = Expect(arguments[2], Kind::kTuple, "a tensor's sizes").items;
+    const auto& strides = Expect(arguments[3], Kind::kTuple, "a tensor's strides").items;
+    if (sizes.size() != strides.size() || sizes.size() > kMaxTensorAxes) {
+      Fail("a tensor with {} sizes and {} strides", sizes.size(), strides.size());
     }
-    for (const size_t stride : Expect(arguments[3], Kind::kTuple, "a tensor's strides").items) {
-      tensor.strides.push_back(Count(stride, "a tensor's stride"));
-    }
-    if (tensor.sizes.size() != tensor.strides.size() || tensor.sizes.size() > 16) {
-      Fail("a tensor with {} sizes and {} strides", tensor.sizes.size(), tensor.strides.size());
-    }
-    // 128-bit sums and an early stop: no product of hostile numbers can wrap around.
+    for (const size_t size : sizes) tensor.sizes.push_back(Count(size, "a tensor's size"));
+    for (const size_t stride : strides) tensor.strides.push_back(Count(stride, "a tensor's stride"));
+    // 128-bit sums and an early stop: no product of hostile numbers can wrap around. Without elements nothing is
+    // reached, but LibTorch multiplies the other sizes all the same.
     __extension__ typedef unsigned __int128 Wide;
+    const auto limit = static_cast<Wide>(storage.integer);
     Wide num_elements = 1, last = static_cast<Wide>(tensor.integer);
-    bool empty = false;
+    bool empty = false, beyond = false;
     for (const int64_t size : tensor.sizes) empty = empty || size == 0;
-    for (size_t axis = 0; axis < tensor.sizes.size() && !empty; ++axis) {
+    for (size_t axis = 0; axis < tensor.sizes.size() && !beyond; ++axis) {
+      if (tensor.sizes[axis] == 0) continue;
       num_elements *= static_cast<Wide>(tensor.sizes[axis]);
       last += static_cast<Wide>(tensor.sizes[axis] - 1) * static_cast<Wide>(tensor.strides[axis]);
-      const auto limit = static_cast<Wide>(storage.integer);
-      if (num_elements > limit || last >= limit) break;
+      beyond = empty ? num_elements > INT64_MAX : num_elements > limit || last >= limit;
     }
-    const auto limit = static_cast<Wide>(storage.integer);
-    if (!empty && (num_elements > limit || last >= limit)) {
-      Fail("a tensor that reaches beyond its storage of {} elements", storage.integer);
-    }
+    if (tensor.sizes.empty()) beyond = last >= limit;
+    if (beyond) Fail("a tensor that reaches beyond its storage of {} elements", storage.integer);
     if (empty && tensor.integer > storage.integer) Fail("a tensor that begins beyond its storage");
     Push(Kind::kTensor) = std::move(tensor);
   }

@@ -7,11 +7,11 @@
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <vector>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
+#include "libeditnerf/base/json_text.h"
 
 namespace editnerf {
 namespace {
@@ -93,24 +93,13 @@ class HeaderReader {
   }
 
  private:
-  // The JSON library keeps the last of equal names silently, and nests without limit.
   Json ParseHeader(const std::string& text) const {
-    std::vector<std::set<std::string>> names;
-    const auto check = [&](int depth, Json::parse_event_t event, Json& parsed) {
-      if (depth > 8) Fail("its header nests deeper than the format does");
-      if (event == Json::parse_event_t::object_start) names.emplace_back();
-      if (event == Json::parse_event_t::object_end) names.pop_back();
-      if (event == Json::parse_event_t::key && !names.back().insert(parsed.get<std::string>()).second) {
-        Fail("its header names '{}' twice", parsed.get<std::string>());
-      }
-      return true;
-    };
     try {
-      Json json = Json::parse(text, check);
+      Json json = ParseJson(text, path_ + ": its header");
       if (!json.is_object()) Fail("its header is not a JSON object");
       return json;
-    } catch (const Json::exception& error) {
-      Fail("its header is not valid JSON ({})", error.what());
+    } catch (const DataError& error) {
+      throw CheckpointError(error.what());
     }
   }
 

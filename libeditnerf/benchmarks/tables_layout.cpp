@@ -197,7 +197,7 @@ std::string MeanAndRange(const std::vector<Json>& values, int digits) {
   }
   if (numbers.empty()) return "-";
   const double mean = std::accumulate(numbers.begin(), numbers.end(), 0.0) / static_cast<double>(numbers.size());
-  const std::string text = fmt::format("{:.{}f}", mean, digits);
+  std::string text = fmt::format("{:.{}f}", mean, digits);
   if (numbers.size() == 1) return text;
   const auto [least, most] = std::minmax_element(numbers.begin(), numbers.end());
   return fmt::format("{} ({:.{}f} to {:.{}f})", text, *least, digits, *most, digits);

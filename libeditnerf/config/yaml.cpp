@@ -97,9 +97,9 @@ bool ParseNumber(const std::string& text, Number& value) {
   return error == std::errc() && stop == end;
 }
 
-class Reader {
+class SettingsReader {
  public:
-  Reader(const Setting& root, const Place& place) : root_(root), place_(place) {}
+  SettingsReader(const Setting& root, const Place& place) : root_(root), place_(place) {}
 
   void Read(const YAML::Node& node, const Setting& setting) {
     if (setting.is_group()) {
@@ -188,7 +188,7 @@ Config LoadConfigText(const std::string& text, const std::string& name) {
   if (text.size() > kMaxBytes) Throw<ConfigError>("{}: {} bytes, expected at most {}", name, text.size(), kMaxBytes);
   Config config;
   const Setting root = Describe(config);
-  Reader reader(root, place);
+  SettingsReader reader(root, place);
   reader.Read(Parse(text, place), root);
   if (const auto violation = FindViolation(config)) {
     Throw<ConfigError>("{}: {}", reader.PlaceOf(violation->path), violation->message);
@@ -229,7 +229,7 @@ void ApplyOverride(Config& config, const std::string& assignment, const std::str
     begin = end + 1;
   }
   const Place place = [&here](const YAML::Mark&) { return std::string(here); };
-  Reader(root, place).Read(Parse(assignment.substr(equals + 1), place), *setting);
+  SettingsReader(root, place).Read(Parse(assignment.substr(equals + 1), place), *setting);
   config = changed;
 }
 

@@ -6,6 +6,7 @@
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
+#include "libeditnerf/base/json_text.h"
 #include "libeditnerf/imaging/camera_file.h"
 #include "libeditnerf/imaging/json_file.h"
 
@@ -14,11 +15,6 @@ namespace {
 
 constexpr size_t kMaxKeyPoints = 64;
 constexpr double kMaxSide = 65536;
-
-std::string Brief(const Json& value) {
-  const std::string text = value.dump(-1, ' ', false, Json::error_handler_t::replace);
-  return text.size() <= 40 ? text : text.substr(0, 37) + "...";
-}
 
 void CheckKeys(const Json& object, std::initializer_list<const char*> known, const std::string& where) {
   if (!object.is_object()) Throw<DataError>("{}: expected an object, found {}", where, Brief(object));
@@ -135,16 +131,7 @@ EditFile FromJson(const Json& json, const std::string& name) {
 }  // namespace
 
 EditFile ParseEditFile(const std::string& text, const std::string& name) {
-  Json json;
-  try {
-    json = Json::parse(text);
-  } catch (const Json::exception& error) {
-    std::string reason = error.what();
-    const size_t end_of_tag = reason.find("] ");  // "[json.exception.parse_error.101] parse error at line 1, ..."
-    if (end_of_tag != std::string::npos) reason = reason.substr(end_of_tag + 2);
-    Throw<DataError>("{}: expected JSON: {}", name, reason);
-  }
-  return FromJson(json, name);
+  return FromJson(ParseJson(text, name), name);
 }
 
 EditFile ReadEditFile(const std::filesystem::path& path) {

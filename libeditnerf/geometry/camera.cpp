@@ -9,6 +9,7 @@ namespace {
 
 constexpr int kUndistortIterations = 20;
 constexpr double kUndistortTolerance = 1e-12;
+constexpr int64_t kMaxImageSide = 65536;  // pixels; four times that of any camera
 
 struct Plane {
   double x, y;
@@ -87,8 +88,8 @@ void Camera::Check(const char* where) const {
   if (!(pixel_aspect_ratio > 0)) {
     Throw<DataError>("{}: pixel_aspect_ratio: expected a positive number, found {}", where, pixel_aspect_ratio);
   }
-  if (width < 1 || height < 1) {
-    Throw<DataError>("{}: image_size: expected positive sizes, found {} x {}", where, width, height);
+  if (width < 1 || height < 1 || width > kMaxImageSide || height > kMaxImageSide) {
+    Throw<DataError>("{}: image_size: expected 1 to {} pixels, found {} x {}", where, kMaxImageSide, width, height);
   }
   const Mat3 product = orientation * orientation.Transposed();
   double deviation = 0;

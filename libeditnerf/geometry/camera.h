@@ -27,8 +27,8 @@ struct Camera {
   // The camera of the image downsampled by `factor` (to width x height pixels, each side rounded by the caller).
   Camera Resized(int64_t new_width, int64_t new_height) const;
 
-  // Throws DataError naming `where` and the offending field unless every number is finite, the focal length and the
-  // size are positive and the orientation is a rotation to 1e-3.
+  // Throws DataError naming `where` and the offending field unless every number is finite, the focal length is
+  // positive, the sides have 1 to 65536 pixels and the orientation is a rotation to 1e-3.
   void Check(const char* where) const;
 
   // Unit direction, in the owner's frame, of the ray through pixel position (u, v); distortion is inverted by Newton's

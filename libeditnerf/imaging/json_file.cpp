@@ -4,14 +4,10 @@
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
+#include "libeditnerf/base/json_text.h"
 
 namespace editnerf {
 namespace {
-
-std::string Brief(const Json& value) {
-  const std::string text = value.dump(-1, ' ', false, Json::error_handler_t::replace);
-  return text.size() <= 40 ? text : text.substr(0, 37) + "...";
-}
 
 double FiniteNumber(const Json& value, const std::string& key, const std::string& where) {
   if (!value.is_number()) Throw<DataError>("{}: {}: expected a number, found {}", where, key, Brief(value));
@@ -22,16 +18,13 @@ double FiniteNumber(const Json& value, const std::string& key, const std::string
 
 }  // namespace
 
+std::string Brief(const Json& value) {
+  const std::string text = value.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return text.size() <= 40 ? text : text.substr(0, 37) + "...";
+}
+
 Json ReadJson(const std::filesystem::path& path, uintmax_t max_bytes) {
-  const std::string text = ReadFile(path, max_bytes);
-  try {
-    return Json::parse(text);
-  } catch (const Json::exception& error) {
-    std::string reason = error.what();
-    const size_t end_of_tag = reason.find("] ");  // "[json.exception.parse_error.101] parse error at line 1, ..."
-    if (end_of_tag != std::string::npos) reason = reason.substr(end_of_tag + 2);
-    Throw<DataError>("{}: expected JSON: {}", path.string(), reason);
-  }
+  return ParseJson(ReadFile(path, max_bytes), path.string());
 }
 
 void WriteJson(const std::filesystem::path& path, const Json& json) {

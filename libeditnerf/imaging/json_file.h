@@ -13,9 +13,12 @@ using Json = nlohmann::json;
 
 constexpr uintmax_t kMaxJsonBytes = uintmax_t{1} << 28;
 
-// Throws DataError where the file is missing, larger than max_bytes, or not JSON (with line and column). Python's NaN
-// and Infinity are not JSON and are refused.
+// Throws DataError where the file is missing, larger than max_bytes, or what ParseJson refuses. Python's NaN and
+// Infinity are not JSON and are refused.
 Json ReadJson(const std::filesystem::path& path, uintmax_t max_bytes = kMaxJsonBytes);
+
+// The value as a message shows it: its first 40 characters.
+std::string Brief(const Json& value);
 
 // Indented, atomic, doubles with as many digits as reading them back exactly needs.
 void WriteJson(const std::filesystem::path& path, const Json& json);

@@ -17,7 +17,7 @@ constexpr size_t kMagicSize = 8;  // "\x93NUMPY", major, minor
 constexpr size_t kAlignment = 64;
 constexpr size_t kMaxDimensions = 32;
 
-struct Header {
+struct NpyHeader {
   std::string descr;
   bool fortran_order = false;
   std::vector<int64_t> shape;
@@ -28,8 +28,8 @@ class HeaderParser {
  public:
   HeaderParser(const std::string& text, const std::string& where) : text_(text), where_(where) {}
 
-  Header Parse() {
-    Header header;
+  NpyHeader Parse() {
+    NpyHeader header;
     bool seen[3] = {false, false, false};
     Expect('{');
     while (!Accept('}')) {
@@ -187,7 +187,7 @@ torch::Tensor ReadNpy(const std::filesystem::path& path, uintmax_t max_bytes) {
     Throw<DataError>("{}: ends inside its header", where);
   }
   const std::string text = content.substr(data_start, length);
-  const Header header = HeaderParser(text, where).Parse();
+  const NpyHeader header = HeaderParser(text, where).Parse();
   data_start += length;
 
   const size_t element = ElementSize(header.descr, where);
@@ -196,12 +196,15 @@ torch::Tensor ReadNpy(const std::filesystem::path& path, uintmax_t max_bytes) {
   }
   const size_t available = content.size() - data_start;
   size_t count = 1;
-  bool too_many = false;
+  bool too_many = false, empty = false;
   for (const int64_t size : header.shape) {
     const auto n = static_cast<size_t>(size);
-    if (n != 0 && count > (size_t{1} << 40) / n) too_many = true;  // keeps the product itself from overflowing
-    if (!too_many) count *= n;
+    empty = empty || n == 0;
+    // Neither the product here nor LibTorch's may overflow, also where a zero hides it.
+    if (n != 0 && count > (size_t{1} << 40) / n) too_many = true;
+    if (n != 0 && !too_many) count *= n;
   }
+  if (empty) count = 0;
   if (too_many || count * element != available) {
     Throw<DataError>("{}: the header announces {} values of {} bytes, found {} bytes of data", where,
                      too_many ? std::string("too many") : std::to_string(count), element, available);

@@ -61,9 +61,15 @@ torch::Tensor ReadSceneImages(const fs::path& folder, const std::vector<std::str
                               int64_t full_height, int64_t factor) {
   const Size full = {full_width, full_height};
   Size size = {Rounded(full_width, factor), Rounded(full_height, factor)};
-  if (factor > 1 && !ids.empty() && fs::exists(ImagePath(folder, factor, ids[0]))) {
-    const Size found = SizeOf(ReadImage(ImagePath(folder, factor, ids[0])));
-    if (WithinAPixel(found, full, factor)) size = found;
+  // One image has to have the size that the camera files announce before memory is taken for all.
+  if (!ids.empty()) {
+    const fs::path scaled = ImagePath(folder, factor, ids[0]);
+    const Size found = factor > 1 && fs::exists(scaled) ? SizeOf(ReadImage(scaled)) : Size{0, 0};
+    if (factor > 1 && WithinAPixel(found, full, factor)) {
+      size = found;
+    } else {
+      FullImage(folder, ids[0], full, factor);
+    }
   }
   const auto count = static_cast<int64_t>(ids.size());
   torch::Tensor images = torch::empty({count, size.height, size.width, 3}, torch::kUInt8);

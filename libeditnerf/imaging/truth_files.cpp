@@ -19,6 +19,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr double kRotationTolerance = 1e-3;
+constexpr int64_t kMaxObjects = 255;  // that a mask of 8 bits tells apart
 
 // A rigid motion, row-major 4 x 4, between world and scene units.
 struct Motion {
@@ -114,6 +115,9 @@ GroundTruth ReadTruth(const fs::path& folder, const std::vector<std::string>& id
   truth.objects = JsonStrings(motion, "objects", motion_path.string());
   const Json& frames = JsonField(motion, "frames", motion_path.string());
   const auto count = static_cast<int64_t>(ids.size()), objects = static_cast<int64_t>(truth.objects.size());
+  if (objects > kMaxObjects) {
+    Throw<DataError>("{}: objects: expected at most {}, found {}", motion_path.string(), kMaxObjects, objects);
+  }
   truth.scene_from_object = torch::empty({count, objects, 4, 4}, torch::kFloat64);
   auto* out = truth.scene_from_object.data_ptr<double>();
   for (const std::string& id : ids) {

@@ -33,6 +33,7 @@ class StageBook {
  public:
   explicit StageBook(const fs::path& work) : path_(work / "stages.json") {
     if (fs::exists(path_)) book_ = ReadJson(path_);
+    if (!book_.is_object()) Throw<DataError>("{}: expected an object; remove it to begin again", path_.string());
   }
 
   // Runs `body` unless the stage is in the book.

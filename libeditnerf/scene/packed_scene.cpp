@@ -3,6 +3,7 @@
 #include <torch/torch.h>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/base/json_text.h"
 #include "libeditnerf/base/safetensors.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/scene/scene_json.h"
@@ -116,7 +117,7 @@ Json SceneJson(const Scene& scene) {
 // What the JSON says; returns the names of the moving objects.
 std::vector<std::string> ReadSceneJson(const std::string& path, const std::string& text, Scene& scene) {
   try {
-    const Json json = Json::parse(text);
+    const Json json = ParseJson(text, path + ": metadata 'scene'");
     scene.name = json.at("name").get<std::string>();
     scene.transform = TransformFromJson(json);
     for (const auto& id : json.at("ids")) scene.frames.emplace_back().id = id.get<std::string>();

@@ -19,6 +19,9 @@ void Scene::Check() const {
     Throw<DataError>("{}: expected at least two training frames, found {}; one view alone does not determine a scene",
                      name, train.size());
   }
+  if (!(transform.scale > 0) || !std::isfinite(transform.scale)) {
+    Throw<DataError>("{}: scene.json: scale: expected a positive number, found {}", name, transform.scale);
+  }
   if (!(transform.near > 0 && transform.near < transform.far) || !std::isfinite(transform.far)) {
     Throw<DataError>("{}: scene.json: expected 0 < near < far, found near {} and far {}", name, transform.near,
                      transform.far);

@@ -1,6 +1,7 @@
 #include "libeditnerf/scene/scene_json.h"
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/base/json_text.h"
 
 namespace editnerf {
 namespace {
@@ -12,7 +13,7 @@ Vec3 ToVec3(const json& value) {
   return {v[0], v[1], v[2]};
 }
 
-Camera CameraFromJson(const json& value) {
+Camera ToCamera(const json& value, const std::string& where) {
   Camera c;
   c.orientation.m = value.at("orientation").get<std::array<double, 9>>();
   c.position = ToVec3(value.at("position"));
@@ -22,9 +23,9 @@ Camera CameraFromJson(const json& value) {
   c.pixel_aspect_ratio = value.at("pixel_aspect_ratio");
   c.radial_distortion = value.at("radial_distortion").get<std::array<double, 3>>();
   c.tangential_distortion = value.at("tangential_distortion").get<std::array<double, 2>>();
-  const auto size = value.at("image_size").get<std::array<int64_t, 2>>();
-  c.width = size[0];
-  c.height = size[1];
+  c.width = WholeNumber(value.at("image_size").at(0), where);
+  c.height = WholeNumber(value.at("image_size").at(1), where);
+  c.Check(where.c_str());
   return c;
 }
 
@@ -64,23 +65,30 @@ std::string SceneToJson(const Scene& scene) {
   value["train"] = scene.train;
   value["val"] = scene.val;
   value["edit"] = scene.edit;
-  return value.dump();
+  return value.dump(-1, ' ', false, json::error_handler_t::replace);  // a folder's name may hold any bytes
 }
 
 Scene SceneFromJson(const std::string& text, const std::string& where) {
   try {
-    const json value = json::parse(text);
+    const json value = ParseJson(text, where);
     Scene scene;
     scene.name = value.at("name");
     scene.transform = TransformFromJson(value);
+    const SceneTransform& units = scene.transform;
+    if (!(units.scale > 0 && units.near > 0 && units.near < units.far)) {
+      Throw<DataError>("{}: expected scale > 0 and 0 < near < far, found scale {}, near {} and far {}", where,
+                       units.scale, units.near, units.far);
+    }
     for (const json& frame : value.at("frames")) {
-      scene.frames.push_back(
-          {frame.at("id"), frame.at("warp_id"), frame.at("appearance_id"), CameraFromJson(frame.at("camera"))});
-      scene.frames.back().camera.Check((where + ": camera " + scene.frames.back().id).c_str());
+      const std::string id = frame.at("id"), frame_where = where + ": frame " + id;
+      scene.frames.push_back({id, WholeNumber(frame.at("warp_id"), frame_where),
+                              WholeNumber(frame.at("appearance_id"), frame_where),
+                              ToCamera(frame.at("camera"), where + ": camera " + id)});
     }
     const auto split = [&](const char* name) {
-      auto indices = value.at(name).get<std::vector<int64_t>>();
-      for (const int64_t index : indices) {
+      std::vector<int64_t> indices;
+      for (const json& entry : value.at(name)) {
+        const int64_t index = indices.emplace_back(WholeNumber(entry, where + ": '" + name + "'"));
         if (index < 0 || index >= static_cast<int64_t>(scene.frames.size())) {
           Throw<DataError>("{}: '{}' names frame {} of {}", where, name, index, scene.frames.size());
         }

@@ -14,6 +14,7 @@
 #include "libeditnerf/base/clock.h"
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
+#include "libeditnerf/base/json_text.h"
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/imaging/encoded_image.h"
 #include "libeditnerf/pipeline/interactive_renderer.h"
@@ -53,16 +54,9 @@ void AnswerError(const std::string& message, int status, httplib::Response* resp
 }
 
 Json ParseBody(const httplib::Request& request) {
-  try {
-    const Json json = Json::parse(request.body);
-    if (!json.is_object()) Throw<DataError>("request: expected a JSON object");
-    return json;
-  } catch (const Json::exception& error) {
-    std::string reason = error.what();
-    const size_t end_of_tag = reason.find("] ");  // "[json.exception.parse_error.101] parse error at line 1, ..."
-    if (end_of_tag != std::string::npos) reason = reason.substr(end_of_tag + 2);
-    Throw<DataError>("request: expected JSON: {}", reason);
-  }
+  Json json = ParseJson(request.body, "request");
+  if (!json.is_object()) Throw<DataError>("request: expected a JSON object");
+  return json;
 }
 
 const char* StateName(VideoStatus::State state) {

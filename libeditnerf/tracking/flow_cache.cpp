@@ -33,6 +33,7 @@ std::optional<FlowSequence> Read(const std::filesystem::path& path, const std::m
     sequence.backward = file.tensors["backward"];
     for (const torch::Tensor& flow : {sequence.forward, sequence.backward}) {
       CheckShape(flow, {images.size(0) - 1, images.size(1), images.size(2), 2}, "kept flow");
+      if (flow.scalar_type() != torch::kFloat32) Throw<DataError>("{}: expected flow in float32", path.string());
     }
     Validate(&sequence);
     return sequence;

@@ -4,6 +4,7 @@
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
+#include "libeditnerf/base/json_text.h"
 #include "libeditnerf/base/safetensors.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/config/yaml.h"
@@ -106,8 +107,27 @@ std::string CountersToJson(const RunCounters& c) {
 
 RunCounters CountersFromJson(const std::string& text) {
   const auto value = nlohmann::json::parse(text);
-  return {value.at("step"), value.at("rays"), value.at("samples"), value.at("seconds_training"),
-          value.at("seconds_total")};
+  const auto count = [&value](const char* key) { return WholeNumber(value.at(key), key); };
+  return {count("step"), count("rays"), count("samples"), value.at("seconds_training"), value.at("seconds_total")};
+}
+
+// Numbers that a field of this configuration has at least: its largest parts alone.
+int64_t FewestNumbers(const FieldConfig& config) {
+  if (config.kind == "fast") {
+    const HashEncodingConfig& hash = config.fast.canonical_hash;
+    return (hash.num_levels << hash.log2_table_size) * hash.features_per_level;
+  }
+  return (config.nerf.depth - 1) * config.nerf.width * config.nerf.width;
+}
+
+// Before memory is taken for what the configuration announces.
+void CheckSize(const FieldConfig& config, const Tensors& tensors, const fs::path& path) {
+  int64_t numbers = 0;
+  for (const auto& item : tensors) numbers += item.second.numel();
+  if (numbers < FewestNumbers(config)) {
+    Throw<CheckpointError>("{}: {} numbers in its tensors, expected at least {} for its configuration", path.string(),
+                           numbers, FewestNumbers(config));
+  }
 }
 
 }  // namespace
@@ -179,6 +199,7 @@ LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device) {
     run.scene_path = text("scene_path");
     run.counters = CountersFromJson(text("counters"));
     run.device = device;
+    CheckSize(run.config.field, file.tensors, path);
     const int64_t key_points = std::stoll(text("key_points"));
     if (key_points < 0 || key_points > 64) {
       Throw<CheckpointError>("{}: expected 0 to 64 key points, found {}", path.string(), key_points);

@@ -134,6 +134,33 @@ TEST_CASE("inconsistent pickles are refused") {
   CHECK_THAT(MessageFor(dict(copies)), HasText("more entries of ordered dicts than the file has bytes"));
 }
 
+TEST_CASE("a short pickle can take neither much memory nor much time") {
+  const auto repeated = [](const std::string& part, size_t times) {
+    std::string all;
+    for (size_t i = 0; i < times; ++i) all += part;
+    return all;
+  };
+  const auto message = [](const std::string& body) {
+    try {
+      ReadPickle(kProto + body + ".", "p");
+    } catch (const DataError& error) {
+      return std::string(error.what());
+    }
+    return std::string("no error");
+  };
+  // A value of 150 bytes for every byte of the file.
+  CHECK_THAT(message(repeated("N", 1100000)), HasText("more than 1048576 opcodes"));
+  // A key of half a megabyte, copied for every storage.
+  const std::string key = Text(std::string(500000, 'k')) + "q\x01";
+  CHECK_THAT(
+      message(key + Tuple({Text("storage"), Global("torch", "FloatStorage"), "h\x01", Text("cpu"), Int(1)}) + "Q"),
+      HasText("a storage's key of 500000 bytes, expected at most 256"));
+  // A tuple of 250,000 arguments, copied for every call: half a minute.
+  const std::string tensor = TensorOf(Storage("FloatStorage", "7", 1), 0, {1}, {1}) + "q\x04";
+  CHECK(message(tensor + Global("torch._utils", "_rebuild_parameter") + "q\x01(h\x04" + repeated("N", 250000) +
+                "tq\x05" + repeated("h\x01h\x05R", 100000)) == "no error");
+}
+
 TEST_CASE("a pickle or an archive with any byte changed is read or refused, never worse") {
   const std::string pickle = TwoTensors();
   const std::string zip = StoredZip({{"archive/data.pkl", "some bytes"}, {"archive/data/7", "others"}});

@@ -94,6 +94,10 @@ TEST_CASE("damaged COLMAP models are refused by name") {
     WriteText(folder / name, whole);
   }
   CHECK(ErrorOf(folder.path()) == "no error");
+  ColmapFixture twins = fixture;
+  twins.names[1] = twins.names[0];
+  WriteColmapBinary(twins, folder.path());
+  CHECK_THAT(ErrorOf(folder.path()), HasText("image 000000.png is there twice"));
   const ScratchFolder text;
   WriteColmapText(fixture, text.path(), "2 PINHOLE 40 30 32 32 20 15");
   CHECK_THAT(ErrorOf(text.path()), HasText("image 000001.png: names camera 1, which the model does not have"));

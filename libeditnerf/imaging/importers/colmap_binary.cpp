@@ -82,7 +82,8 @@ void ReadCameras(const std::filesystem::path& path, Files* files) {
     camera.width = static_cast<int64_t>(cursor.Get<uint64_t>());
     camera.height = static_cast<int64_t>(cursor.Get<uint64_t>());
     for (size_t p = 0; p < kModels[model].parameters; ++p) camera.parameters.push_back(cursor.Get<double>());
-    files->cameras[id] = camera;
+    if (!files->cameras.emplace(id, camera).second)
+      Throw<DataError>("{}: camera {} is there twice", cursor.where(), id);
   }
 }
 
@@ -121,7 +122,7 @@ void ReadPoints(const std::filesystem::path& path, Files* files) {
     point.error = cursor.Get<double>();
     const size_t track = cursor.Count(8);
     cursor.Skip(8 * track);
-    files->points[id] = point;
+    if (!files->points.emplace(id, point).second) Throw<DataError>("{}: point {} is there twice", cursor.where(), id);
   }
 }
 

@@ -63,7 +63,7 @@ Camera CameraOf(const colmap::CameraRecord& record, const std::string& where) {
 
 Mat3 RotationOf(const std::array<double, 4>& q, const std::string& where) {
   const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  if (!(norm > 1e-6)) Throw<DataError>("{}: its rotation is zero or not a number", where);
+  if (!(norm > 1e-6) || !std::isfinite(norm)) Throw<DataError>("{}: its rotation is zero or not a number", where);
   const double w = q[0] / norm, x = q[1] / norm, y = q[2] / norm, z = q[3] / norm;
   return {{1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),  //
            2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),  //
@@ -113,6 +113,9 @@ ImportedModel ReadColmapModel(const fs::path& folder, const fs::path& image_fold
   }
   std::sort(model.frames.begin(), model.frames.end(),
             [](const ImportedFrame& a, const ImportedFrame& b) { return a.name < b.name; });
+  const auto twin = std::adjacent_find(model.frames.begin(), model.frames.end(),
+                                       [](const ImportedFrame& a, const ImportedFrame& b) { return a.name == b.name; });
+  if (twin != model.frames.end()) Throw<DataError>("{}: image {} is there twice", folder.string(), twin->name);
   return model;
 }
 
