@@ -18,8 +18,8 @@ void Add(Phase phase, int64_t nanoseconds) {
 }  // namespace phase_clock
 
 const char* PhaseName(Phase phase) {
-  static constexpr const char* kNames[kNumPhases] = {
-      "encoding", "products", "table_gradients", "compositing", "marching", "occupancy", "adam"};
+  static constexpr const char* kNames[kNumPhases] = {"encoding", "products",  "table_gradients", "compositing",
+                                                     "marching", "occupancy", "guard",           "adam"};
   return kNames[static_cast<size_t>(phase)];
 }
 

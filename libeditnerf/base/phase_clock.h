@@ -16,9 +16,10 @@ enum class Phase {
   kCompositing,     // compositing, the loss and its gradients
   kMarching,        // walking rays, and sorting out the samples that light reaches
   kOccupancy,       // updates of the occupancy grids, evaluations of the field included
+  kGuard,           // whether all losses and gradients are finite
   kAdam,
 };
-constexpr size_t kNumPhases = 7;
+constexpr size_t kNumPhases = 8;
 const char* PhaseName(Phase phase);  // "encoding", ...
 
 // Seconds of each phase, summed over the threads.

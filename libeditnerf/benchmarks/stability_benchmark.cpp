@@ -59,8 +59,9 @@ void AddIntegration(const StabilityBenchmark& options, BenchmarkResult* result) 
 
 BenchmarkResult RunStabilityBenchmark(const StabilityBenchmark& options) {
   const std::vector<std::function<StabilityRows()>> groups = {
-      CompositingStability,  SoftmaxStability,    DensityStability, RigidMotionStability, PositionalEncodingStability,
-      HashEncodingStability, ProjectionStability, NetworkStability, MarchingStability,    FusedPassStability};
+      CompositingStability,        SoftmaxStability,      DensityStability,    RigidMotionStability,
+      PositionalEncodingStability, HashEncodingStability, ProjectionStability, NetworkStability,
+      MarchingStability,           FusedPassStability,    DistortionStability, EarlyStopStability};
   Progress bar("stability", static_cast<double>(groups.size() + 1));
   BenchmarkResult result;
   result.json = {{"rows", Json::array()}};

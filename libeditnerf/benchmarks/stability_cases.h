@@ -33,6 +33,8 @@ StabilityRows ProjectionStability();
 StabilityRows NetworkStability();
 StabilityRows MarchingStability();
 StabilityRows FusedPassStability();
+StabilityRows DistortionStability();
+StabilityRows EarlyStopStability();
 
 // Error against run time of ways to solve dT/ds = -sigma T, from thin to stiff.
 struct IntegrationPoint {

@@ -76,6 +76,7 @@ struct StageConfig {
   int64_t log_every = 50;           // steps
   int64_t evaluate_every = 2000;    // steps between held-out measurements; 0: none
   int64_t checkpoint_every = 5000;  // steps
+  bool dump_bad_steps = false;      // write down the first steps that are not finite
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -114,6 +115,8 @@ struct StageConfig {
     v("log_every", log_every, "steps between rows of metrics.csv", AtLeast(1));
     v("evaluate_every", evaluate_every, "steps between held-out measurements; 0 for none", AtLeast(0));
     v("checkpoint_every", checkpoint_every, "steps between checkpoints", AtLeast(1));
+    v("dump_bad_steps", dump_bad_steps,
+      "write steps that are skipped because something is not finite to RUN/bad_steps, for enf-replay");
   }
 };
 

@@ -22,7 +22,7 @@ void AdamStep(const AdamUpdate& update, int64_t count, const float* gradient, fl
 void SparseAdamStep(const AdamUpdate& update, int64_t count, float* gradient, float* parameter, float* first,
                     float* second);
 
-// Sum of squares; not finite where a value is not.
+// Sum of squares; not finite where a value or its square, which Adam takes too, is not.
 double SumOfSquares(const float* values, int64_t count);
 
 }  // namespace editnerf

@@ -6,6 +6,7 @@
 #include <torch/csrc/autograd/saved_variable.h>
 
 #include <algorithm>
+#include <map>
 #include <mutex>
 
 #include "libeditnerf/base/error.h"
@@ -283,8 +284,10 @@ class FusedMlpNode : public torch::autograd::Node {
  private:
   static LayerSums Backward(const std::vector<at::Tensor>& inputs, const std::vector<Layer>& layers,
                             const float* grad_out, const std::vector<Block>& grad_inputs) {
-    LayerSums sums(layers);
     const std::vector<Block> blocks = BlocksOf(inputs);
+    // Of every range by its beginning: added up in the order of the samples, not in that in which threads are done, so
+    // that the same threads give the same bits.
+    std::map<int64_t, LayerSums> parts;
     std::mutex mutex;
     ForTiles(inputs.front().size(0), [&](int64_t begin, int64_t end) {
       Tile tile(layers);
@@ -295,8 +298,10 @@ class FusedMlpNode : public torch::autograd::Node {
         tile.Backward(grad_out, first, rows, own.weights, own.biases, grad_inputs);
       }
       const std::lock_guard<std::mutex> lock(mutex);
-      sums.Add(own);
+      parts.emplace(begin, std::move(own));
     });
+    LayerSums sums(layers);
+    for (const auto& part : parts) sums.Add(part.second);
     return sums;
   }
 

@@ -143,6 +143,14 @@ void AddStages(const fs::path& work, ReportContents* report) {
   report->facts.emplace_back("time before this report", SpokenDuration(total));
 }
 
+void AddSkippedSteps(const fs::path& work, ReportContents* report) {
+  for (const auto& [folder, stage] : {std::pair{"pretrained", "pretraining"}, std::pair{"run", "training"}}) {
+    if (!fs::exists(work / folder / "checkpoint.safetensors")) continue;
+    const RunCounters counters = LoadCounters(work / folder);
+    if (counters.skipped > 0) report->notes.push_back({true, fmt::format("{}: {}", stage, SkippedText(counters))});
+  }
+}
+
 void AddDetectionNotes(const fs::path& work, ReportContents* report) {
   const nlohmann::ordered_json detection = ReadIfThere(work / "scene" / "data" / "detection.json");
   const auto notes = detection.find("notes");
@@ -201,6 +209,7 @@ void WriteRunReport(const fs::path& work, const Scene& scene, torch::Device devi
   report.facts.emplace_back("key points", std::to_string(run.field->num_key_points()));
   AddScores(scores, &report);
   AddStages(work, &report);
+  AddSkippedSteps(work, &report);
   AddDetectionNotes(work, &report);
   report.notes.push_back({false, "made by: " + command});
   report.videos.push_back({"An edit that nobody filmed: each key point swept through its range", "", "edited.mp4"});

@@ -106,7 +106,9 @@ void OccupancyGrid::Visit(const torch::Tensor& cells, const DensityFunction& den
   const auto found = density(PointsIn(cells).to(torch::kFloat32)).detach().to(torch::kFloat32);
   CheckShape(found, {cells.size(0)}, "density");
   const auto remembered = density_.index_select(0, cells) * decay;
-  density_.index_copy_(0, cells, torch::maximum(remembered, found.nan_to_num(0)));
+  // A NaN counts as dense, so that rays go on meeting it and their losses show it; as empty it would be hidden, and a
+  // field of nothing but NaN would train on without complaint.
+  density_.index_copy_(0, cells, torch::maximum(remembered, found.nan_to_num(1 / options_.step)));
   UpdateBits();
 }
 

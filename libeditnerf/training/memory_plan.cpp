@@ -78,7 +78,7 @@ MemoryPlan PlanMemory(const Run& run, const Scene& scene) {
   plan.parts.emplace_back("field", parameters);
   plan.parts.emplace_back("gradients", parameters);
   plan.parts.emplace_back("Adam", 2 * parameters);
-  plan.parts.emplace_back("state to roll back to", parameters);
+  plan.parts.emplace_back("state to roll back to", 3 * parameters + BufferBytes(*run.renderer));
   plan.parts.emplace_back("occupancy", BufferBytes(*run.renderer));
   plan.parts.emplace_back("samples of a step", SampleBytes(run, SamplesPerStep(run, stage)));
   return plan;

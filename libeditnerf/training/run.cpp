@@ -1,5 +1,8 @@
 #include "libeditnerf/training/run.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "libeditnerf/base/error.h"
@@ -9,6 +12,7 @@
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/config/yaml.h"
 #include "libeditnerf/scene/scene_json.h"
+#include "libeditnerf/training/step_guard.h"
 #include "libeditnerf/training/training_rays.h"
 
 namespace editnerf {
@@ -78,7 +82,8 @@ void Collect(const torch::nn::Module& module, const std::string& prefix, Tensors
   for (const auto& item : module.named_buffers()) (*tensors)[prefix + item.key()] = item.value();
 }
 
-void Restore(const torch::nn::Module& module, const std::string& prefix, const Tensors& tensors, const fs::path& path) {
+void Restore(const torch::nn::Module& module, const std::string& prefix, const Tensors& tensors, Weights weights,
+             const fs::path& path) {
   const torch::NoGradGuard no_grad;
   const auto restore = [&](const std::string& key, const torch::Tensor& target) {
     const auto found = tensors.find(prefix + key);
@@ -87,7 +92,8 @@ void Restore(const torch::nn::Module& module, const std::string& prefix, const T
       Throw<CheckpointError>("{}: tensor '{}': expected shape {}, found {}", path.string(), prefix + key,
                              ShapeString(target), ShapeString(found->second));
     }
-    if (found->second.is_floating_point() && !found->second.isfinite().all().item<bool>()) {
+    if (weights == Weights::kFinite && found->second.is_floating_point() &&
+        !found->second.isfinite().all().item<bool>()) {
       Throw<CheckpointError>("{}: tensor '{}' holds values that are not finite", path.string(), prefix + key);
     }
     target.copy_(found->second);
@@ -101,14 +107,23 @@ std::string CountersToJson(const RunCounters& c) {
                         {"rays", c.rays},
                         {"samples", c.samples},
                         {"seconds_training", c.seconds_training},
-                        {"seconds_total", c.seconds_total}}
+                        {"seconds_total", c.seconds_total},
+                        {"skipped", c.skipped},
+                        {"rolled_back", c.rolled_back},
+                        {"not_finite", c.not_finite}}
       .dump();
 }
 
 RunCounters CountersFromJson(const std::string& text) {
   const auto value = nlohmann::json::parse(text);
   const auto count = [&value](const char* key) { return WholeNumber(value.at(key), key); };
-  return {count("step"), count("rays"), count("samples"), value.at("seconds_training"), value.at("seconds_total")};
+  RunCounters c = {count("step"), count("rays"), count("samples"), value.at("seconds_training"),
+                   value.at("seconds_total")};
+  // Checkpoints from before they were counted have none of these.
+  if (value.contains("skipped")) c.skipped = count("skipped");
+  if (value.contains("rolled_back")) c.rolled_back = count("rolled_back");
+  c.not_finite = value.value("not_finite", c.not_finite);
+  return c;
 }
 
 // Numbers that a field of this configuration has at least: its largest parts alone.
@@ -131,6 +146,23 @@ void CheckSize(const FieldConfig& config, const Tensors& tensors, const fs::path
 }
 
 }  // namespace
+
+void RunCounters::AddSkipped(const std::vector<std::string>& what) {
+  ++skipped;
+  for (const std::string& name : what) ++not_finite[name];
+}
+
+std::string SkippedText(const RunCounters& counters) {
+  std::vector<std::string> what;
+  for (const auto& [name, times] : counters.not_finite) what.push_back(fmt::format("{} {}", name, times));
+  // Loss terms before the gradients that they spoil.
+  std::stable_partition(what.begin(), what.end(),
+                        [](const std::string& name) { return name.find("gradient of ") != 0; });
+  std::string text =
+      fmt::format("{} of {} steps were skipped, not being finite ({})", counters.skipped, counters.step, ListOf(what));
+  if (counters.rolled_back > 0) text += fmt::format("; training went back {} times", counters.rolled_back);
+  return text;
+}
 
 Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const torch::Tensor& initial_tracks,
             torch::Device device, const torch::Tensor& initial_turns) {
@@ -169,7 +201,7 @@ void SaveRun(const Run& run, const fs::path& folder, const Tensors& extra) {
   WriteFileAtomically(folder / "config.yaml", ToYaml(run.config));
 }
 
-LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device) {
+LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device, Weights weights) {
   const fs::path path = folder / "checkpoint.safetensors";
   if (!fs::exists(path)) {
     Throw<CheckpointError>("{}: no checkpoint here; expected the folder that enf-pretrain or enf-train wrote (--out)",
@@ -214,8 +246,8 @@ LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device) {
   } catch (const DataError& error) {
     Throw<CheckpointError>("{}", error.what());
   }
-  Restore(*run.field, "field.", file.tensors, path);
-  Restore(*run.renderer, "renderer.", file.tensors, path);
+  Restore(*run.field, "field.", file.tensors, weights, path);
+  Restore(*run.renderer, "renderer.", file.tensors, weights, path);
   const std::string prefix = "extra.";
   for (const auto& [name, tensor] : file.tensors) {
     if (name.rfind(prefix, 0) == 0) loaded.extra[name.substr(prefix.size())] = tensor;
@@ -226,5 +258,14 @@ LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device) {
 }
 
 Run LoadRun(const fs::path& folder, torch::Device device) { return LoadRunWithExtra(folder, device).run; }
+
+RunCounters LoadCounters(const fs::path& folder) {
+  const fs::path path = folder / "checkpoint.safetensors";
+  try {
+    return CountersFromJson(ReadSafetensorsMetadata(path).at("counters"));
+  } catch (const std::exception& error) {
+    Throw<CheckpointError>("{}: expected a checkpoint with counters: {}", path.string(), error.what());
+  }
+}
 
 }  // namespace editnerf

@@ -13,6 +13,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "libeditnerf/config/config.h"
 #include "libeditnerf/field/hyperspace_field.h"
@@ -26,9 +27,17 @@ struct RunCounters {
   int64_t step = 0;
   int64_t rays = 0;
   int64_t samples = 0;
-  double seconds_training = 0;  // optimisation alone
-  double seconds_total = 0;     // with measurements and checkpoints
+  double seconds_training = 0;                // optimisation alone
+  double seconds_total = 0;                   // with measurements and checkpoints
+  int64_t skipped = 0;                        // steps, because something was not finite
+  int64_t rolled_back = 0;                    // times that training went back to a good state
+  std::map<std::string, int64_t> not_finite;  // of the skipped steps, by loss term or "gradient of PARAMETER"
+
+  void AddSkipped(const std::vector<std::string>& what);
 };
+
+// "12 of 400 steps were skipped, not being finite (reconstruction 12, motion 1); training went back once".
+std::string SkippedText(const RunCounters& counters);
 
 struct Run {
   Config config;
@@ -55,8 +64,14 @@ struct LoadedRun {
   std::map<std::string, torch::Tensor> extra;
 };
 
-// Throws CheckpointError naming the file and what is missing, damaged or of another version.
-LoadedRun LoadRunWithExtra(const std::filesystem::path& folder, torch::Device device);
+enum class Weights { kFinite, kAsTheyAre };
+
+// Throws CheckpointError naming the file and what is missing, damaged, of another version, or not finite.
+LoadedRun LoadRunWithExtra(const std::filesystem::path& folder, torch::Device device,
+                           Weights weights = Weights::kFinite);
 Run LoadRun(const std::filesystem::path& folder, torch::Device device = torch::kCPU);
+
+// What was spent on a run, without its tensors; throws CheckpointError.
+RunCounters LoadCounters(const std::filesystem::path& folder);
 
 }  // namespace editnerf

@@ -1,7 +1,9 @@
 #include "libeditnerf/training/step_guard.h"
 
+#include <fmt/format.h>
 #include <torch/torch.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "libeditnerf/kernels/adam_step.h"
@@ -19,45 +21,44 @@ torch::Tensor Norm(const torch::Tensor& gradient) {
 
 StepVerdict StepGuard::Check(const NamedTensors& losses, const NamedTensors& parameters) {
   torch::NoGradGuard no_grad;
-  std::vector<std::string> names;
+  StepVerdict verdict;
   std::vector<torch::Tensor> values;
   for (const auto& [name, loss] : losses) {
-    names.push_back(name);
+    verdict.losses.emplace_back(name, 0.0);
     values.push_back(loss.detach().reshape({}).to(torch::kFloat64));
   }
   for (const auto& [name, parameter] : parameters) {
     if (!parameter.grad().defined()) continue;
-    names.push_back("gradient of " + name);
+    verdict.gradients.emplace_back(name, 0.0);
     values.push_back(Norm(parameter.grad()));
   }
 
-  StepVerdict verdict;
-  double squares = 0;
   const auto all = values.empty() ? torch::zeros({0}, torch::kFloat64) : torch::stack(values).cpu();
-  const auto value = all.accessor<double, 1>();
-  for (size_t i = 0; i < names.size(); ++i) {
-    const double x = value[static_cast<int64_t>(i)];
-    if (i < losses.size()) {
-      verdict.losses.push_back(x);
-    } else {
-      squares += x * x;
+  const double* value = all.data_ptr<double>();
+  const auto take_over = [&](NamedValues* terms, const char* prefix) {
+    for (auto& [name, x] : *terms) {
+      x = *value++;
+      if (!std::isfinite(x)) verdict.not_finite.push_back(prefix + name);
     }
-    if (std::isfinite(x)) continue;
-    verdict.take = false;
-    verdict.not_finite += (verdict.not_finite.empty() ? "" : ", ") + names[i];
-    ++failures_[names[i]];
-  }
-  verdict.gradient_norm = std::sqrt(squares);
+  };
+  take_over(&verdict.losses, "");
+  take_over(&verdict.gradients, "gradient of ");
+  for (const auto& [name, norm] : verdict.gradients) verdict.gradient_norm = std::hypot(verdict.gradient_norm, norm);
+  verdict.take = verdict.not_finite.empty();
   if (verdict.take) {
     in_a_row_ = 0;
-    return verdict;
-  }
-  ++skipped_;
-  if (++in_a_row_ >= max_failures_) {
+  } else if (++in_a_row_ >= max_failures_) {
     verdict.roll_back = true;
     in_a_row_ = 0;
   }
   return verdict;
+}
+
+std::string ListOf(const std::vector<std::string>& names, size_t most) {
+  const size_t listed = std::min(names.size(), most);
+  std::string text;
+  for (size_t i = 0; i < listed; ++i) text += (i == 0 ? "" : ", ") + names[i];
+  return listed == names.size() ? text : text + fmt::format(" and {} more", names.size() - listed);
 }
 
 }  // namespace editnerf

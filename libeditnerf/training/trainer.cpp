@@ -24,30 +24,25 @@ namespace editnerf {
 namespace {
 
 constexpr int64_t kHeldOutRays = 8192;
-// A random background makes surfaces opaque, but from the first step on it would build a wall of fog before the
-// cameras. Until then the images' mean colour stands behind everything: on black, a thin fog would first have to become
-// white, where its colours saturate and learn no more.
-constexpr int64_t kMeanBackgroundSteps = 100, kRandomBackgroundStep = 400;
 constexpr int64_t kFewestRays = 256;
+constexpr int64_t kMostDumps = 3;  // skipped steps that a session writes down
 
-// Steps along a ray: few while everything is fog, where fine samples show nothing and more rays do; all of them once
-// surfaces have formed.
-int64_t MarchStepsFor(int64_t step, int64_t configured) {
-  if (step < 300) return std::max<int64_t>(2, configured / 4);
-  return step < 1000 ? std::max<int64_t>(2, configured / 2) : configured;
-}
-
-// [R, 3], fading from the mean colour to random ones.
-torch::Tensor Background(const torch::Tensor& mean_color, int64_t rays, int64_t step) {
-  const double share = std::clamp(static_cast<double>(step - kMeanBackgroundSteps) /
-                                      static_cast<double>(kRandomBackgroundStep - kMeanBackgroundSteps),
-                                  0.0, 1.0);
-  const torch::Tensor random = torch::rand({rays, 3}).to(mean_color.device());
-  return torch::lerp(mean_color.expand({rays, 3}), random, share);
+void AddGradients(const std::vector<torch::Tensor>& gradients, const std::vector<torch::Tensor>& parameters) {
+  const torch::NoGradGuard no_grad;
+  for (size_t i = 0; i < gradients.size(); ++i) {
+    if (!gradients[i].defined()) continue;
+    torch::Tensor& sum = parameters[i].mutable_grad();
+    sum = sum.defined() ? sum.add_(gradients[i]) : gradients[i];
+  }
 }
 
 const StageConfig& StageOf(const Run& run) {
   return run.stage == FieldStage::kPretrain ? run.config.pretrain : run.config.train;
+}
+
+std::string AdviceFor(const Run& run) {
+  return fmt::format("lower {0}.learning_rate (now {1:g}); {0}.dump_bad_steps and enf-replay show what fails",
+                     run.stage == FieldStage::kPretrain ? "pretrain" : "train", StageOf(run).learning_rate);
 }
 
 }  // namespace
@@ -60,7 +55,8 @@ Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision>
       folder_(std::move(folder)),
       rays_(scene, scene.train, run_.device),
       held_out_(scene, kHeldOutRays, run_.device),
-      adam_(AdamGroupsFor(*run_.field, stage_), AdamOptionsFor(run_.config)) {
+      adam_(AdamGroupsFor(*run_.field, stage_), AdamOptionsFor(run_.config)),
+      recovery_(AdviceFor(run_)) {
   if (supervision_) {
     supervision_->flow = supervision_->flow.to(run_.device);
     supervision_->depth = supervision_->depth.to(run_.device);
@@ -113,7 +109,7 @@ void Trainer::AddKeyPointLosses(const FrameStates& states, NamedTensors* losses)
 // As many as the last step's samples per ray allow; a fresh run starts from the most that a ray can take.
 int64_t Trainer::RaysForStep() const {
   if (stage_.samples_per_step == 0) return stage_.rays_per_step;
-  const auto most = static_cast<double>(MarchStepsFor(run_.counters.step, run_.config.render.march_steps));
+  const auto most = static_cast<double>(MarchStepsAt(run_.counters.step, run_.config.render.march_steps));
   const double each = samples_per_ray_ > 0 ? samples_per_ray_ : most;
   const auto affordable = static_cast<int64_t>(static_cast<double>(stage_.samples_per_step) / each);
   return std::clamp(affordable, std::min<int64_t>(kFewestRays, stage_.rays_per_step), stage_.rays_per_step);
@@ -160,15 +156,15 @@ FrameStates Trainer::StatesOf(const RayTargets& batch, const torch::Tensor& draw
   return WithDrawn(AllStates(), drawn, batch.frame.slice(0, batch.frame.size(0) - batch.drawn));
 }
 
-// Gradients of one step. Marching on the CPU takes a share of the rays in every thread, each with its own graph: that
-// beats threads inside every small operation by a factor of two. All random numbers are drawn here.
-NamedTensors Trainer::Backward() {
+// Everything random that a step's gradients depend on, but for the places of samples along hierarchical rays, which
+// follow from the generator's state behind it.
+StepInput Trainer::Draw() {
   const int64_t step = run_.counters.step;
-  RayTargets batch = rays_.Sample(RaysForStep());
+  StepInput input;
+  RayTargets& batch = input.batch;
+  batch = rays_.Sample(RaysForStep());
   const int64_t count = batch.frame.size(0);
-  const bool marching = run_.config.render.sampler == "occupancy";
-  const int64_t parts = marching && run_.device.is_cpu() ? std::min(NumThreads(), count) : 1;
-  RayOptions options;
+  RayOptions& options = input.options;
   options.training = true;
   options.surface = stage_.lambda_ambient > 0 || run_.config.field.warp.enabled;
   options.distortion = stage_.lambda_distortion > 0;
@@ -176,24 +172,39 @@ NamedTensors Trainer::Backward() {
     options.distance = batch.distance;
     options.tolerance = batch.tolerance;
   }
-  if (stage_.random_background) options.background = Background(rays_.mean_color(), count, step);
-  if (marching) {
+  if (stage_.random_background) options.background = BackgroundOf(rays_.mean_color(), count, step);
+  if (run_.config.render.sampler == "occupancy") {
     options.jitter = torch::rand({count}).to(run_.device);
-    options.march_steps = MarchStepsFor(step, run_.config.render.march_steps);
+    options.march_steps = MarchStepsAt(step, run_.config.render.march_steps);
   }
-  torch::Tensor drawn;
-  if (batch.drawn > 0) drawn = DrawStates(&batch);
-  torch::Tensor state = batch.frame;
-  if (drawn.defined()) {
-    options.start = batch.start;
-    state = state.clone();
-    state.slice(0, count - batch.drawn) = rays_.cameras().size() + torch::arange(batch.drawn, state.options());
-  }
+  input.state = batch.frame;
+  if (batch.drawn == 0) return input;
+  input.drawn = DrawStates(&batch);
+  options.start = batch.start;
+  input.state = input.state.clone();
+  input.state.slice(0, count - batch.drawn) =
+      rays_.cameras().size() + torch::arange(batch.drawn, input.state.options());
+  return input;
+}
+
+// Gradients of one step. Marching on the CPU takes a share of the rays in every thread, each with its own graph: that
+// beats threads inside every small operation by a factor of two.
+NamedTensors Trainer::Backward(const StepInput& input) {
+  const RayTargets& batch = input.batch;
+  const RayOptions& options = input.options;
+  const torch::Tensor &state = input.state, &drawn = input.drawn;
+  const int64_t count = batch.frame.size(0);
+  const bool marching = run_.config.render.sampler == "occupancy";
+  const int64_t parts = marching && run_.device.is_cpu() ? std::min(NumThreads(), count) : 1;
   if (auto fused =
           FusedBackward(batch, {batch.rays.origin, batch.rays.direction, state}, StatesOf(batch, drawn), options))
     return *std::move(fused);
   std::vector<NamedTensors> losses(static_cast<size_t>(parts));
   std::vector<int64_t> samples(static_cast<size_t>(parts));
+  // One part's after the other's, as threads that add them whenever they are done would add them in another order and
+  // with other bits in every run.
+  std::vector<std::vector<torch::Tensor>> gradients(static_cast<size_t>(parts));
+  const std::vector<torch::Tensor> parameters = run_.field->parameters();
   ParallelParts(parts, [&](int64_t part) {
     const int64_t begin = count * part / parts, end = count * (part + 1) / parts;
     const auto rows = [&](const torch::Tensor& all) { return all.defined() ? all.slice(0, begin, end) : all; };
@@ -212,8 +223,13 @@ NamedTensors Trainer::Backward() {
     if (part == 0) AddKeyPointLosses(states, &terms);
     torch::Tensor total;
     for (const auto& [name, loss] : terms) total = total.defined() ? total + loss : loss;
-    total.backward();
+    if (parts == 1) {
+      total.backward();
+    } else {
+      gradients[static_cast<size_t>(part)] = torch::autograd::grad({total}, parameters, {}, false, false, true);
+    }
   });
+  for (const auto& of_part : gradients) AddGradients(of_part, parameters);
   NamedTensors sums = losses[0];
   for (auto& [name, sum] : sums) sum = sum.detach();
   for (size_t part = 1; part < losses.size(); ++part) {
@@ -273,20 +289,44 @@ std::map<std::string, double> Trainer::Step() {
     const TeamPhase phase(Phase::kOccupancy);
     run_.renderer->UpdateOccupancy(*run_.field, AllStates());
   }
+  const bool first_failure = guard_.failures_in_a_row() == 0;
+  StepInput input = Draw();
+  if (!input.options.jitter.defined()) input.generator = at::detail::getDefaultCPUGenerator().get_state();
   adam_.ZeroGrad();
-  const NamedTensors losses = Backward();
-  const StepVerdict verdict = guard_.Check(losses, adam_.parameters());
+  const NamedTensors losses = Backward(input);
+  const StepVerdict verdict = Check(losses);
   if (verdict.take) {
+    recovery_.StepIsGood(run_, adam_);
     const TeamPhase phase(Phase::kAdam);
     adam_.Step(ExponentialSchedule(stage_.learning_rate, stage_.final_learning_rate, Progress()));
   } else {
-    LogWarning("step {} skipped: not finite: {}", counters.step, verdict.not_finite);
-    if (verdict.roll_back) RollBack();
+    LogWarning("step {} skipped: not finite: {}", counters.step, ListOf(verdict.not_finite));
+    counters.AddSkipped(verdict.not_finite);
+    if (stage_.dump_bad_steps && first_failure && dumped_++ < kMostDumps) Dump(input);
+    if (verdict.roll_back) recovery_.GoBack(ListOf(verdict.not_finite), &run_, &adam_);
   }
-  std::map<std::string, double> values;
-  for (size_t i = 0; i < losses.size(); ++i) values[losses[i].first] = verdict.losses[i];
   ++counters.step;
-  return values;
+  return {verdict.losses.begin(), verdict.losses.end()};
+}
+
+StepVerdict Trainer::Check(const NamedTensors& losses) {
+  const TeamPhase phase(Phase::kGuard);
+  return guard_.Check(losses, adam_.parameters());
+}
+
+StepVerdict Trainer::Replay(const StepInput& input) {
+  if (at::Generator sequence = at::detail::getDefaultCPUGenerator(); input.generator.defined()) {
+    sequence.set_state(input.generator);
+  }
+  run_.field->SetStep(run_.counters.step);
+  adam_.ZeroGrad();
+  return Check(Backward(input));
+}
+
+void Trainer::Dump(const StepInput& input) {
+  const std::filesystem::path folder = folder_ / "bad_steps" / fmt::format("{:06}", run_.counters.step);
+  SaveStep(run_, input, supervision_, folder);
+  LogWarning("{}: the step that was skipped; enf-replay computes it again", folder.string());
 }
 
 std::optional<double> Trainer::Measure() {
@@ -314,21 +354,8 @@ void Trainer::Log(const std::map<std::string, double>& losses, std::optional<dou
   log_->Append(row);
 }
 
-void Trainer::KeepGoodState() {
-  good_.clear();
-  for (const auto& item : run_.field->named_parameters()) good_.push_back(item.value().detach().clone());
-}
-
-void Trainer::RollBack() {
-  if (good_.empty()) Throw<Error>("training diverged at once; lower the learning rate (train.learning_rate)");
-  LogWarning("going back to the weights of the last checkpoint");
-  const torch::NoGradGuard no_grad;
-  size_t next = 0;
-  for (const auto& item : run_.field->named_parameters()) item.value().copy_(good_[next++]);
-}
-
 void Trainer::Save() {
-  KeepGoodState();
+  recovery_.MakeFit(/*last_steps_failed=*/false, &run_, &adam_);
   std::map<std::string, torch::Tensor> extra;
   for (const auto& [name, tensor] : adam_.State()) extra["adam." + name] = tensor;
   extra["samples_per_ray"] = torch::tensor(samples_per_ray_, torch::kFloat64);
@@ -369,7 +396,9 @@ void Trainer::Train() {
     if (counters.step % stage_.checkpoint_every == 0 && !last) Save();
   }
   bar.Finish(note);
+  recovery_.MakeFit(guard_.failures_in_a_row() > 0, &run_, &adam_);
   Save();
+  if (counters.skipped > 0) LogWarning("{}", SkippedText(counters));
 }
 
 }  // namespace editnerf

@@ -9,8 +9,10 @@
 #include "libeditnerf/training/held_out.h"
 #include "libeditnerf/training/key_point_supervision.h"
 #include "libeditnerf/training/metrics_log.h"
+#include "libeditnerf/training/recovery.h"
 #include "libeditnerf/training/run.h"
 #include "libeditnerf/training/step_guard.h"
+#include "libeditnerf/training/step_input.h"
 #include "libeditnerf/training/training_rays.h"
 
 namespace editnerf {
@@ -32,11 +34,14 @@ class Trainer {
   void Resume(const std::map<std::string, torch::Tensor>& extra);
 
   // Trains until the configured steps or seconds are over, then saves. Throws Interrupted after Ctrl-C, once the
-  // checkpoint is written.
+  // checkpoint is written, and Error where steps go on being not finite after going back to the last good state.
   void Train();
 
   // One optimisation step: draws rays, and returns the loss terms by name.
   std::map<std::string, double> Step();
+
+  // A step again, from what it had drawn: nothing is drawn and no weight changes.
+  StepVerdict Replay(const StepInput& input);
 
   const Run& run() const { return run_; }
 
@@ -47,7 +52,8 @@ class Trainer {
   torch::Tensor DrawStates(RayTargets* batch);
   // The frames' states, and behind them those of the batch's last rays under `drawn` key points.
   FrameStates StatesOf(const RayTargets& batch, const torch::Tensor& drawn) const;
-  NamedTensors Backward();
+  StepInput Draw();
+  NamedTensors Backward(const StepInput& input);
   // The same in one fused pass, where renderer and field have one.
   std::optional<NamedTensors> FusedBackward(const RayTargets& batch, const RayBatch& rays, const FrameStates& states,
                                             const RayOptions& options);
@@ -58,8 +64,8 @@ class Trainer {
   double Progress() const;  // in [0, 1], of steps or seconds
   std::optional<double> Measure();
   void Log(const std::map<std::string, double>& losses, std::optional<double> psnr);
-  void KeepGoodState();
-  void RollBack();
+  StepVerdict Check(const NamedTensors& losses);
+  void Dump(const StepInput& input);
   void Save();
 
   Run run_;
@@ -70,10 +76,11 @@ class Trainer {
   HeldOut held_out_;
   Adam adam_;
   StepGuard guard_;
+  Recovery recovery_;
   std::optional<MetricsLog> log_;
   double samples_per_ray_ = 0;  // of the last step
   std::optional<int64_t> resumed_step_;
-  std::vector<torch::Tensor> good_;  // the weights at the last checkpoint
+  int64_t dumped_ = 0;
 };
 
 }  // namespace editnerf

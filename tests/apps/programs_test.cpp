@@ -131,6 +131,25 @@ TEST_CASE("the programs refuse a checkpoint that was cut off by its name") {
   CHECK_FALSE(fs::exists(desk / "pictures"));
 }
 
+TEST_CASE("enf-replay prints what a skipped step was made of, and refuses a folder without one") {
+  const Desk desk;
+  REQUIRE(desk.Train(1).code == 0);
+  const Outcome none = desk.Run({"enf-replay", (desk / "run").string()});
+  CHECK(none.code == 1);
+  CHECK_THAT(none.text, HasText((desk / "run").string() + ": no step of training lies here"));
+  // A learning rate that no network survives.
+  const Outcome bad = desk.Train(8, {"--set", "train.learning_rate=1e38", "--set", "train.final_learning_rate=1e38",
+                                     "--set", "train.dump_bad_steps=true"});
+  INFO(bad.text);
+  CHECK_THAT(bad.text, HasText("skipped: not finite: "));
+  REQUIRE(fs::exists(desk / "run/bad_steps/000001"));
+  const Outcome replayed = desk.Run({"enf-replay", (desk / "run/bad_steps/000001").string()});
+  INFO(replayed.text);
+  CHECK(replayed.code == 0);
+  CHECK_THAT(replayed.text, HasText("step 1\n") && HasText("loss reconstruction") && HasText("gradient of ") &&
+                                HasText("not finite in the step: reconstruction"));
+}
+
 TEST_CASE("an unknown setting ends a program before it begins") {
   const Desk desk;
   const Outcome set = desk.Train(1, {"--set", "train.step=5"});

@@ -1,86 +1,23 @@
 #include "libeditnerf/training/trainer.h"
 
 #include <torch/torch.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 
 #include "libeditnerf/base/error.h"
-#include "libeditnerf/base/interrupt.h"
-#include "libeditnerf/config/yaml.h"
-#include "libeditnerf/scene/synthetic/synthetic_scene.h"
 #include "tests/catch.h"
+#include "tests/training/small_training.h"
 
 using namespace editnerf;
 
 namespace {
 
-namespace fs = std::filesystem;
-
-Scene SmallScene(const char* name, int64_t frames, int64_t width) {
-  SyntheticOptions options;
-  options.frames = frames;
-  options.val_frames = 2;
-  options.edit_frames = 0;
-  options.width = width;
-  options.height = width * 9 / 16;
-  options.samples_per_side = 2;
-  return MakeSyntheticScene(name, options);
-}
-
-const Scene& TinyScene() {
-  static const Scene scene = SmallScene("hinge", 8, 32);
-  return scene;
-}
-
-Config Load(const char* name) {
-  return LoadConfig(fs::path(EDITNERF_SOURCE_DIR) / "configs" / (std::string(name) + ".yaml"));
-}
-
-// The default configuration at a size for tests.
-Config SmallFast() {
-  Config config = Load("fast");
-  config.render.march_steps = 32;
-  config.render.occupancy_resolution = 16;
-  config.field.fast.canonical_hash.num_levels = 6;
-  config.field.fast.canonical_hash.log2_table_size = 12;
-  config.field.fast.local_hash = config.field.fast.canonical_hash;
-  config.field.fast.local_window_steps = 0;
-  for (StageConfig* stage : {&config.pretrain, &config.train}) {
-    stage->steps = 60;
-    stage->seconds = 0;
-    stage->rays_per_step = 256;
-    stage->samples_per_step = 0;
-    stage->evaluate_every = 0;
-    stage->log_every = 1;
-  }
-  return config;
-}
-
-// The lid's corner on its true path, as tracks [T, 1, 3].
-torch::Tensor TrueTracks(const Scene& scene) {
-  std::vector<torch::Tensor> tracks;
-  const torch::Tensor start = torch::tensor({0.1, 0.0, 0.1, 1.0}, torch::kFloat64);
-  const torch::Tensor motions = scene.truth->scene_from_object.select(1, 0);
-  const torch::Tensor inverse = torch::linalg_inv(motions[scene.train[0]]);
-  for (const int64_t frame : scene.train) {
-    tracks.push_back(torch::mv(motions[frame], torch::mv(inverse, start)).slice(0, 0, 3));
-  }
-  return torch::stack(tracks).unsqueeze(1).to(torch::kFloat32);
-}
-
 double MeanOfLosses(Trainer& trainer, int steps) {
   double sum = 0;
   for (int i = 0; i < steps; ++i) sum += trainer.Step().at("reconstruction");
   return sum / steps;
-}
-
-fs::path Scratch(const std::string& name) {
-  const fs::path folder = fs::temp_directory_path() / ("editnerf_trainer_" + name + "_" + std::to_string(::getpid()));
-  fs::remove_all(folder);
-  return folder;
 }
 
 }  // namespace
@@ -211,35 +148,6 @@ TEST_CASE("a run whose part turns comes back with its local frames") {
   CHECK(torch::equal(back.field->LocalFramesOf(TrueTracks(scene)), after));
   config.field.fast.local_frames = false;
   CHECK(!MakeRun(config, FieldStage::kTrain, scene, TrueTracks(scene), torch::kCPU, turns).field->has_local_frames());
-  fs::remove_all(folder);
-}
-
-TEST_CASE("an interrupted run continues as if nothing had happened") {
-  const auto config = SmallFast();
-  const auto make = [&] {
-    torch::manual_seed(5);
-    return MakeRun(config, FieldStage::kTrain, TinyScene(), TrueTracks(TinyScene()), torch::kCPU);
-  };
-  std::vector<double> straight, resumed;
-  {
-    Trainer trainer(make(), TinyScene(), std::nullopt, Scratch("straight"));
-    for (int i = 0; i < 24; ++i) straight.push_back(trainer.Step().at("reconstruction"));
-  }
-  const fs::path folder = Scratch("resumed");
-  {
-    Trainer trainer(make(), TinyScene(), std::nullopt, folder);
-    for (int i = 0; i < 12; ++i) resumed.push_back(trainer.Step().at("reconstruction"));
-    RequestInterrupt();
-    CHECK_THROWS_AS(trainer.Train(), Interrupted);  // takes one step, then writes the checkpoint
-    ClearInterrupt();
-  }
-  const LoadedRun loaded = LoadRunWithExtra(folder, torch::kCPU);
-  CHECK(loaded.run.counters.step == 13);
-  Trainer trainer(loaded.run, TinyScene(), std::nullopt, folder);
-  trainer.Resume(loaded.extra);
-  for (int i = 13; i < 24; ++i) resumed.push_back(trainer.Step().at("reconstruction"));
-  CHECK(straight[12] > 0);
-  for (size_t i = 13; i < 24; ++i) CHECK(resumed[i - 1] == Approx(straight[i]).epsilon(1e-4));
   fs::remove_all(folder);
 }
 
