@@ -4,9 +4,11 @@
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
+#include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/safetensors.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/config/yaml.h"
+#include "libeditnerf/kernels/bf16_unit.h"
 #include "libeditnerf/scene/scene_json.h"
 #include "libeditnerf/training/training_rays.h"
 
@@ -110,6 +112,14 @@ RunCounters CountersFromJson(const std::string& text) {
           value.at("seconds_total")};
 }
 
+// Pictures differ by the rounding of bfloat16 alone, so that a run can be looked at where it could not be trained.
+void TakeKernelHere(Config* config) {
+  std::string& kernel = config->field.fast.kernel;
+  if (kernel != "bf16" || FastestBf16() != Bf16Unit::kNone) return;
+  LogInfo("the run was trained with field.fast.kernel: bf16, which this processor has not; it is shown with fp32");
+  kernel = "fp32";
+}
+
 }  // namespace
 
 Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const torch::Tensor& initial_tracks,
@@ -149,7 +159,7 @@ void SaveRun(const Run& run, const fs::path& folder, const Tensors& extra) {
   WriteFileAtomically(folder / "config.yaml", ToYaml(run.config));
 }
 
-LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device) {
+LoadedRun Load(const fs::path& folder, torch::Device device, bool to_train) {
   const fs::path path = folder / "checkpoint.safetensors";
   if (!fs::exists(path)) {
     Throw<CheckpointError>("{}: no checkpoint here; expected the folder that enf-pretrain or enf-train wrote (--out)",
@@ -174,6 +184,7 @@ LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device) {
   Run& run = loaded.run;
   try {
     run.config = LoadConfigText(text("config"), path.string() + " (config)");
+    if (!to_train) TakeKernelHere(&run.config);
     run.stage = text("stage") == "pretrain" ? FieldStage::kPretrain : FieldStage::kTrain;
     run.scene = SceneFromJson(text("scene"), path.string());
     run.scene_path = text("scene_path");
@@ -204,6 +215,7 @@ LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device) {
   return loaded;
 }
 
-Run LoadRun(const fs::path& folder, torch::Device device) { return LoadRunWithExtra(folder, device).run; }
+LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device) { return Load(folder, device, true); }
+Run LoadRun(const fs::path& folder, torch::Device device) { return Load(folder, device, false).run; }
 
 }  // namespace editnerf

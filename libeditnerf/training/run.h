@@ -57,6 +57,9 @@ struct LoadedRun {
 
 // Throws CheckpointError naming the file and what is missing, damaged or of another version.
 LoadedRun LoadRunWithExtra(const std::filesystem::path& folder, torch::Device device);
+
+// The same, to be shown and measured, not trained on. A run that was trained with field.fast.kernel: bf16 is opened on
+// processors without bfloat16 as well, with another kernel and a logged line; training it there is an error.
 Run LoadRun(const std::filesystem::path& folder, torch::Device device = torch::kCPU);
 
 }  // namespace editnerf
