@@ -15,7 +15,7 @@ class Motion {
     on('file', 'change', () => this.attempt(() => this.upload(this.part.file.files[0])));
     on('picture', 'click', (event) => {
       const { picture } = this.part,
-        zoom = picture.width / picture.clientWidth;
+        zoom = this.image.width / picture.clientWidth;
       this.point = [event.offsetX * zoom, event.offsetY * zoom];
       this.attempt(() => this.follow());
     });
@@ -115,10 +115,13 @@ class Motion {
     preview.disabled = apply.disabled = !this.found;
     picture.hidden = !this.image;
     if (!this.image) return;
-    Object.assign(picture, { width: this.image.width, height: this.image.height });
+    const zoom = Math.max(1, 640 / this.image.width); // of a small video, so that lines on it can be thin
+    Object.assign(picture, { width: this.image.width * zoom, height: this.image.height * zoom });
+    picture.dataset.zoom = zoom;
     const pen = picture.getContext('2d');
+    pen.scale(zoom, zoom);
     pen.drawImage(this.image, 0, 0);
-    const unit = picture.width / 640;
+    const unit = this.image.width / 640;
     const stroke = (draw) => {
       for (const [color, width] of [
         ['#000', 4],
