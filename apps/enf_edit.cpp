@@ -1,8 +1,13 @@
 // enf-edit RUN: drag a run's key points in the browser.
+#include <sys/stat.h>
+
 #include <cstdio>
 #include <filesystem>
+#include <string>
 
 #include "editor/editor_page.h"
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/file.h"
 #include "libeditnerf/base/interrupt.h"
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/server/editor_server.h"
@@ -12,7 +17,7 @@
 namespace {
 
 struct Request {
-  std::filesystem::path run;
+  std::filesystem::path run, token_file;
   editnerf::EditorServerOptions server;
 };
 
@@ -36,6 +41,27 @@ void Define(CLI::App& app, Request& request) {
                  "one more name by which the editor is reached, such as a proxy's; repeatable")
       ->type_name("NAME")
       ->allow_extra_args(false);
+  app.add_option("--token-file", request.token_file,
+                 "keeps the token, so that the address stays the same when the editor is started again, and open pages "
+                 "go on; made where it is not there");
+}
+
+std::string TokenOf(const std::filesystem::path& file) {
+  if (file.empty()) return editnerf::RandomToken();
+  if (!std::filesystem::exists(file)) {
+    const std::string token = editnerf::RandomToken();
+    const mode_t before = ::umask(077);  // for its owner's eyes
+    editnerf::WriteFileAtomically(file, token);
+    ::umask(before);
+    return token;
+  }
+  const std::string token = editnerf::ReadFile(file);
+  if (token.size() < 16 || token.find_first_not_of("0123456789abcdef") != std::string::npos) {
+    editnerf::Throw<editnerf::ConfigError>(
+        "--token-file {}: expected at least 16 hexadecimal digits and nothing else; remove it to get a new one",
+        file.string());
+  }
+  return token;
 }
 
 }  // namespace
@@ -49,7 +75,7 @@ int main(int argc, char** argv) {
         if (common.config_given || !common.overrides.empty()) {
           editnerf::LogWarning("a run is shown as it was trained: --config and --set change nothing here");
         }
-        request.server.token = editnerf::RandomToken();
+        request.server.token = TokenOf(request.token_file);
         request.server.page = editnerf::EditorPage();
         request.server.title = std::filesystem::absolute(request.run).lexically_normal().filename().string();
         editnerf::EditorServer server(editnerf::LoadRun(request.run, common.device), request.server);

@@ -5,7 +5,7 @@ file(READ ${FOLDER}/index.html page)
 file(READ ${FOLDER}/editor.css style)
 # Parts of one module script, joined in this order: they share its scope, and nothing has to be fetched.
 set(script "")
-foreach(part geometry server picture overview trail editor)
+foreach(part geometry server picture overview trail motion editor)
   file(READ ${FOLDER}/${part}.js text)
   string(APPEND script "${text}\n")
 endforeach()

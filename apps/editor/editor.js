@@ -31,8 +31,9 @@ const editor = {
 };
 
 const link = new Link({
-  async answer(state, picture, moved) {
+  async answer(state, picture, moved, fresh) {
     const first = !editor.state;
+    if (fresh && !first) return restore();
     editor.state = state;
     if (picture) {
       await stage.show(picture);
@@ -51,7 +52,7 @@ const link = new Link({
     element('status').textContent = 'not connected';
     editor.say(
       error.status === 403
-        ? 'This editor was started anew, or the address is not complete: open the address that enf-edit printed.'
+        ? 'enf-edit was started anew with another token, or the address is not complete: open the address that it printed.'
         : 'enf-edit does not answer. It may have been stopped; this page goes on by itself when it is back.',
     );
   },
@@ -60,6 +61,23 @@ const link = new Link({
 const stage = new Stage(editor);
 const overview = new Overview(editor);
 const trail = new Trail(editor, link);
+const motion = new Motion(editor);
+
+// The server was started anew, or gave the place of this tab to another one: the page tells it where things were.
+function restore() {
+  const { row, key_points, capture_camera } = editor.state;
+  const gesture = editor.gesture();
+  link.forget(); // what was asked before was meant for another state
+  editor.send([
+    { do: 'snap', row, gesture },
+    ...key_points.map(({ position }, n) => ({ do: 'place', key_point: n, position, gesture })),
+    { do: 'camera', frame: capture_camera },
+  ]);
+  editor.say(
+    'enf-edit was started anew: key points are back where you had them; the camera is at its capture view, and the ' +
+      'trail and what could be undone are gone.',
+  );
+}
 
 function draw() {
   const { state, scene } = editor;
@@ -217,12 +235,15 @@ function wire() {
     draw();
   });
   const change = (id, act) => element(id).addEventListener('input', act);
-  change('weights', () => {
-    link.weights = element('weights').checked;
+  const weights = () => {
+    element('strength').hidden = !element('weights').checked;
+    link.weights = element('weights').checked ? Number(element('strength').value) : 0;
     link.preview = true;
     link.stillSoon();
     link.pump();
-  });
+  };
+  change('weights', weights);
+  change('strength', weights);
   change('tracks', () => stage.draw());
   change('still-width', () => {
     link.stillWidth = Number(element('still-width').value);
@@ -252,6 +273,7 @@ function wire() {
         c: resetCamera,
         k: () => trail.addKeyFrame(),
         p: () => trail.play(),
+        v: () => motion.open(),
         '?': () => toggle('help'),
       };
       if (!acts[key]) return;
@@ -275,8 +297,8 @@ async function begin() {
   element('title').textContent = document.title = editor.scene.title;
   fillSelects();
   buildPoints();
-  const { state } = await ask('api/edit', { method: 'POST', body: { tab, operations: [] } });
-  editor.state = state;
+  motion.build();
+  editor.state = (await ask('api/edit', { method: 'POST', body: { tab, operations: [] } })).state;
   stage.build();
   overview.build();
   draw();

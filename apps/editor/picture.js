@@ -81,6 +81,7 @@ class Stage {
     this.drawnTracks = key;
     this.lines.replaceChildren();
     if (!shown) return;
+    scene.tracks.forEach((track, n) => this.drawBand(track, scene.colors[n], scene.reach[n]));
     scene.tracks.forEach((track, n) => {
       let path = '',
         pen = 'M';
@@ -93,6 +94,24 @@ class Stage {
       svg('path', { d: path, class: 'track casing' }, this.lines);
       svg('path', { d: path, class: 'track line-color', stroke: `rgb(${scene.colors[n]})` }, this.lines);
     });
+  }
+
+  // The region that counts as seen: everything within reach of the track. Its width follows the depth, so it is made of
+  // pieces, which the group's opacity turns into one.
+  drawBand(track, color, reach) {
+    const { camera } = this.editor.state;
+    const band = svg('g', { class: 'track', opacity: 0.22, stroke: `rgb(${color})` }, this.lines);
+    const seen = track.map((point) => project(camera, point)).filter(Boolean);
+    let last = null;
+    for (const point of seen) {
+      const width = (2 * reach * camera.focal_length * this.zoom) / point.depth;
+      const at = [point.u * this.zoom, point.v * this.zoom];
+      // Pieces shorter than a few pixels only cost time.
+      if (last && Math.hypot(at[0] - last[0], at[1] - last[1]) < 3 && point !== seen[seen.length - 1]) continue;
+      const d = `M${(last || at).map((value) => value.toFixed(1)).join(' ')}L${at.map((value) => value.toFixed(1)).join(' ')}`;
+      svg('path', { d, 'stroke-width': width.toFixed(1) }, band);
+      last = at;
+    }
   }
 
   draw() {

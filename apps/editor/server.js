@@ -7,10 +7,10 @@ sessionStorage.setItem('tab', tab);
 
 const addressOf = (path, more = {}) => path + '?' + new URLSearchParams({ token, tab, ...more });
 
-async function ask(path, { method = 'GET', body, signal } = {}) {
+async function ask(path, { method = 'GET', body, bytes, signal } = {}) {
   const headers = { 'X-Editor-Token': token };
   if (body) headers['Content-Type'] = 'application/json';
-  const answer = await fetch(path, { method, headers, signal, body: body && JSON.stringify(body) });
+  const answer = await fetch(path, { method, headers, signal, body: bytes || (body && JSON.stringify(body)) });
   const json = await answer.json();
   if (!answer.ok) throw Object.assign(new Error(json.error || answer.statusText), { status: answer.status });
   return json;
@@ -23,7 +23,7 @@ function merged(last, next) {
   if (next.do === 'orbit') Object.assign(last, { right: last.right + next.right, over: last.over + next.over });
   else if (next.do === 'pan') Object.assign(last, { u: last.u + next.u, v: last.v + next.v });
   else if (next.do === 'zoom' || next.do === 'depth') last.factor *= next.factor;
-  else if (['move', 'snap', 'show_trail'].includes(next.do)) Object.assign(last, next);
+  else if (['move', 'place', 'snap', 'show_trail'].includes(next.do)) Object.assign(last, next);
   else return false;
   return true;
 }
@@ -34,7 +34,7 @@ class Link {
     Object.assign(this, { on, pending: [], preview: false, still: false, busy: null, moved: 0, isGone: false });
     this.previewWidth = 160;
     this.stillWidth = 320;
-    this.weights = false;
+    this.weights = 0; // of the colours over the picture
     this.before = () => []; // operations in front of and behind each request's own: how a trail is recorded
     this.behind = () => [];
   }
@@ -58,6 +58,10 @@ class Link {
     if (this.busy && this.busy.still) this.busy.abort.abort();
     this.stillSoon();
     this.pump();
+  }
+
+  forget() {
+    this.pending = [];
   }
 
   stillSoon() {
@@ -85,7 +89,7 @@ class Link {
         signal: abort.signal,
       });
       if (answer.picture && answer.picture.preview) this.adapt(answer.picture);
-      await this.on.answer(answer.state, answer.picture, moved);
+      await this.on.answer(answer.state, answer.picture, moved, answer.fresh);
     } catch (error) {
       if (error.status === 400) this.on.mistake(error.message);
       else if (error.name !== 'AbortError') this.lose(error);

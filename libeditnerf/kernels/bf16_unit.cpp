@@ -1,5 +1,7 @@
 #include "libeditnerf/kernels/bf16_unit.h"
 
+#include <algorithm>
+#include <atomic>
 #include <cstring>
 
 #include "libeditnerf/kernels/bf16_target.h"
@@ -11,10 +13,11 @@
 #endif
 
 namespace editnerf {
+namespace {
+
+std::atomic<Bf16Unit> limit{Bf16Unit::kTiles};
 
 #ifdef EDITNERF_BF16
-
-namespace {
 
 bool HasVectors() {
   unsigned a = 0, b = 0, c = 0, d = 0;
@@ -30,21 +33,26 @@ bool HasTiles() {
   return syscall(SYS_arch_prctl, kRequestPermission, kTileData) == 0;
 }
 
-}  // namespace
-
-Bf16Unit FastestBf16() {
-  static const Bf16Unit unit = [] {
-    if (!HasVectors()) return Bf16Unit::kNone;
-    return HasTiles() ? Bf16Unit::kTiles : Bf16Unit::kVectors;
-  }();
-  return unit;
+Bf16Unit UnitHere() {
+  if (!HasVectors()) return Bf16Unit::kNone;
+  return HasTiles() ? Bf16Unit::kTiles : Bf16Unit::kVectors;
 }
 
 #else
 
-Bf16Unit FastestBf16() { return Bf16Unit::kNone; }
+Bf16Unit UnitHere() { return Bf16Unit::kNone; }
 
 #endif
+
+}  // namespace
+
+Bf16Unit FastestBf16() {
+  static const Bf16Unit unit = UnitHere();
+  return std::min(unit, limit.load(std::memory_order_relaxed));
+}
+
+Bf16Limit::Bf16Limit(Bf16Unit most) : before_(limit.exchange(most)) {}
+Bf16Limit::~Bf16Limit() { limit = before_; }
 
 std::vector<Bf16Unit> Bf16UnitsHere() {
   std::vector<Bf16Unit> units;

@@ -15,6 +15,18 @@ enum class Bf16Unit {
 // The fastest that this processor has. Asks the system once for leave to use tiles.
 Bf16Unit FastestBf16();
 
+// While one lives, this processor passes for one that has no more than `most`: what a run meets elsewhere, tried here.
+class Bf16Limit {
+ public:
+  explicit Bf16Limit(Bf16Unit most);
+  ~Bf16Limit();
+  Bf16Limit(const Bf16Limit&) = delete;
+  Bf16Limit& operator=(const Bf16Limit&) = delete;
+
+ private:
+  Bf16Unit before_;
+};
+
 std::vector<Bf16Unit> Bf16UnitsHere();  // all that it has, the fastest last
 
 // "no bfloat16", "AVX-512 BF16", "AMX BF16".

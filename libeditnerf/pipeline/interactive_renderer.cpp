@@ -32,9 +32,10 @@ std::string KeyOf(const PictureRequest& request) {
                              c.principal_point[1], c.skew, c.pixel_aspect_ratio}) {
     Append(&value, sizeof value, &key);
   }
+  Append(&request.weights, sizeof request.weights, &key);
   Append(c.radial_distortion.data(), sizeof c.radial_distortion, &key);
   Append(c.tangential_distortion.data(), sizeof c.tangential_distortion, &key);
-  for (const int64_t value : {c.width, c.height, request.row, request.width, int64_t{request.weights}}) {
+  for (const int64_t value : {c.width, c.height, request.row, request.width}) {
     Append(&value, sizeof value, &key);
   }
   return key;
@@ -46,6 +47,14 @@ Camera StripOf(const Camera& camera, int64_t first, int64_t count) {
   strip.principal_point[1] -= static_cast<double>(first);
   strip.height = count;
   return strip;
+}
+
+// The picture, with colours of the weights over it where there is a surface.
+torch::Tensor Blended(const RenderedImage& image, double share) {
+  const auto over = WeightPicture(image.weights, image.rgb, image.depth_valid).to(torch::kFloat32) / 255;
+  const auto blended = torch::lerp(image.rgb.to(torch::kCPU, torch::kFloat32).clamp(0, 1), over, share);
+  return ToBytes(torch::where(image.depth_valid.to(torch::kCPU).unsqueeze(2), blended,
+                              image.rgb.to(torch::kCPU, torch::kFloat32)));
 }
 
 }  // namespace
@@ -107,13 +116,16 @@ torch::Tensor InteractiveRenderer::RenderStrips(const PictureRequest& request, c
     if (stop && stop()) return {};
     const Camera strip = StripOf(camera, first, std::min(rows, camera.height - first));
     const RenderedImage image = RenderImage(*run_.field, *run_.renderer, strip, states, options);
-    strips.push_back(request.weights ? WeightPicture(image.weights, image.rgb, image.depth_valid) : ToBytes(image.rgb));
+    strips.push_back(request.weights > 0 ? Blended(image, request.weights) : ToBytes(image.rgb));
   }
   return torch::cat(strips);
 }
 
 torch::Tensor InteractiveRenderer::Render(const PictureRequest& request, const std::function<bool()>& stop) {
-  if (request.weights && known_.empty()) {
+  if (!(request.weights >= 0 && request.weights <= 1)) {
+    Throw<DataError>("weights: expected a share from 0 to 1, found {}", request.weights);
+  }
+  if (request.weights > 0 && known_.empty()) {
     Throw<DataError>("weights: this run has no key points; it was trained as a static scene");
   }
   const std::string key = KeyOf(request);

@@ -20,7 +20,7 @@ struct PictureRequest {
   int64_t row = 0;               // of the training frames: whose codes are used
   Camera camera;                 // scene units
   int64_t width = 0;             // pixels, the height follows; 0: as the camera says
-  bool weights = false;          // the key points' colours mixed by their weights (pipeline/rendering.h)
+  double weights = 0;            // how much of the key points' colours, mixed by their weights, lies over it; [0, 1]
   bool preview = false;          // room is made (below) only where the state is more than a cell from any known one
 };
 

@@ -10,6 +10,7 @@
 #include <mutex>
 #include <optional>
 #include <thread>
+#include <utility>
 
 #include "libeditnerf/base/clock.h"
 #include "libeditnerf/base/error.h"
@@ -19,6 +20,7 @@
 #include "libeditnerf/imaging/encoded_image.h"
 #include "libeditnerf/pipeline/interactive_renderer.h"
 #include "libeditnerf/server/base64.h"
+#include "libeditnerf/server/motion_job.h"
 #include "libeditnerf/server/render_thread.h"
 #include "libeditnerf/server/request_guard.h"
 #include "libeditnerf/server/session_json.h"
@@ -38,9 +40,11 @@ constexpr size_t kConnections = 32;
 constexpr const char* kJson = "application/json";
 
 struct Tab {
-  explicit Tab(std::shared_ptr<const EditableScene> scene) : session(std::move(scene)) {}
+  explicit Tab(const std::shared_ptr<const EditableScene>& scene) : session(scene) {}
   std::mutex mutex;
   EditSession session;
+  std::shared_ptr<MotionJob> motion;  // where a video was brought
+  bool fresh = true;                  // nothing was edited yet: the page may know more than the server, started anew
   std::chrono::steady_clock::time_point used;
 };
 
@@ -62,6 +66,14 @@ Json ParseBody(const httplib::Request& request) {
 const char* StateName(VideoStatus::State state) {
   static constexpr const char* kNames[] = {"none", "running", "done", "cancelled", "failed"};
   return kNames[static_cast<int>(state)];
+}
+
+int64_t WholeNumber(const httplib::Request& request, const char* name) {
+  const std::string text = request.get_param_value(name);
+  if (text.empty() || text.size() > 15 || text.find_first_not_of("0123456789") != std::string::npos) {
+    Throw<DataError>("{}: expected a whole number, found '{}'", name, text.substr(0, 20));
+  }
+  return std::stoll(text);
 }
 
 double Fps(const std::string& text) {
@@ -88,6 +100,8 @@ struct EditorServer::Impl {
   EditFile TrailOf(const std::string& tab, double fps, int64_t width);
   void AddRoutes();
   void AddVideoRoutes();
+  void AddMotionRoutes();
+  std::shared_ptr<MotionJob> MotionOf(const std::string& tab);
   void AddGuards();
 
   EditorServerOptions options;
@@ -140,7 +154,7 @@ Json EditorServer::Impl::Picture(const Json& wish, Tab& tab, const std::string& 
     Throw<DataError>("request: picture: width: expected {} to {} pixels, found {}", kMinWidth, kMaxWidth,
                      request.width);
   }
-  request.weights = wish.value("weights", false);
+  if (wish.contains("weights")) request.weights = JsonNumber(wish, "weights", "request: picture");
   request.preview = wish.value("preview", false);
   {
     const std::lock_guard<std::mutex> lock(tab.mutex);
@@ -177,6 +191,7 @@ void EditorServer::Impl::Edit(const httplib::Request& request, httplib::Response
   answer["picture"] = body.contains("picture") ? Picture(body["picture"], *tab, name) : Json(nullptr);
   const std::lock_guard<std::mutex> lock(tab->mutex);
   answer["state"] = SessionToPageJson(tab->session);
+  answer["fresh"] = std::exchange(tab->fresh, false);
   Answer(answer, response);
 }
 
@@ -257,6 +272,7 @@ void EditorServer::Impl::AddRoutes() {
     response.set_content(WriteEditFile(edit), kJson);
   });
   AddVideoRoutes();
+  AddMotionRoutes();
 }
 
 void EditorServer::Impl::AddVideoRoutes() {
@@ -288,6 +304,43 @@ void EditorServer::Impl::AddVideoRoutes() {
     }
     response.set_header("Content-Disposition", "attachment; filename=\"edited.mp4\"");
     response.set_content(ReadFile(video.path()), "video/mp4");
+  });
+}
+
+std::shared_ptr<MotionJob> EditorServer::Impl::MotionOf(const std::string& name) {
+  const std::shared_ptr<Tab> tab = TabOf(name);
+  const std::lock_guard<std::mutex> lock(tab->mutex);
+  if (!tab->motion) tab->motion = std::make_shared<MotionJob>(scene);
+  return tab->motion;
+}
+
+void EditorServer::Impl::AddMotionRoutes() {
+  http.Post("/api/motion/video", [this](const httplib::Request& request, httplib::Response& response) {
+    const auto motion = MotionOf(request.get_param_value("tab"));
+    motion->Receive(WholeNumber(request, "offset"), request.body);
+    if (WholeNumber(request, "last") == 0) return Answer(Json::object(), &response);
+    const torch::Tensor frame = motion->FirstFrame();
+    Answer(
+        {{"width", frame.size(1)}, {"height", frame.size(0)}, {"picture", Base64(EncodeJpeg(frame, kPictureQuality))}},
+        &response);
+  });
+  http.Post("/api/motion", [this](const httplib::Request& request, httplib::Response& response) {
+    const Json body = ParseBody(request);
+    const std::string name = body.value("tab", "");
+    TransferOptions transfer;
+    transfer.key_point = JsonInteger(body, "key_point", "request");
+    transfer.reversed = body.value("reversed", false);
+    transfer.axes = body.value("axes", 2);
+    const std::shared_ptr<Tab> tab = TabOf(name);
+    {
+      const std::lock_guard<std::mutex> lock(tab->mutex);
+      transfer.view = tab->session.camera();
+    }
+    MotionOf(name)->Start({JsonNumber(body, "u", "request"), JsonNumber(body, "v", "request")}, transfer);
+    Answer({{"state", "running"}}, &response);
+  });
+  http.Get("/api/motion", [this](const httplib::Request& request, httplib::Response& response) {
+    Answer(MotionToPageJson(MotionOf(request.get_param_value("tab"))->Status()), &response);
   });
 }
 

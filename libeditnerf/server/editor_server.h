@@ -3,13 +3,19 @@
 //   GET    /                   the page
 //   GET    api/scene           cameras, trajectories, colours
 //   POST   api/edit            {"tab", "operations": [...], "picture": {"width", "weights", "preview"}}
-//                              -> {"state", "picture": {"width", "height", "type", "data" (base64), "milliseconds"}};
-//                              "picture" is null where none was asked for, or a newer request of the tab overtook it
+//                              -> {"state", "picture": {"width", "height", "type", "data" (base64), "milliseconds"},
+//                              "fresh"}; "picture" is null where none was asked for, or a newer request of the tab
+//                              overtook it; "fresh" is true in the first answer to a tab that the server did not know
 //   GET    api/trail           the tab's trail as an edit file (docs/edit-files.md); tab, fps
 //   POST   api/video           {"tab", "fps", "width"}: renders the trail in the background
 //   GET    api/video           {"state", "done", "total", "message"}
 //   DELETE api/video           cancels it
 //   GET    api/video/file      the MP4
+//   POST   api/motion/video    ?tab, offset, last (0 or 1): a piece of the video that is to drive a key point, as
+//   bytes;
+//                              the last one -> {"width", "height", "picture"}, its first frame
+//   POST   api/motion          {"tab", "u", "v", "key_point", "reversed", "axes"}: follows the point in the background
+//   GET    api/motion          ?tab -> {"state", "done", "total", "message", "track", "path", "fps", "farthest"}
 //
 // Every request needs the token (server/request_guard.h): ?token= or the header X-Editor-Token. Mistakes are answered
 // with {"error": message}: 400 malformed, 403 refused, 404 unknown, 409 not now, 413 more than 1 MiB.

@@ -1,10 +1,12 @@
 #include "libeditnerf/server/session_json.h"
 
+#include <algorithm>
 #include <functional>
 #include <map>
 #include <vector>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/field/key_points.h"
 #include "libeditnerf/imaging/palette.h"
 
 namespace editnerf {
@@ -86,7 +88,8 @@ const std::map<std::string, Operation>& Operations() {
 }  // namespace
 
 Json SceneToPageJson(const EditableScene& scene, const std::string& title) {
-  Json frames = Json::array(), tracks = Json::array(), colors = Json::array(), rows = Json::array();
+  Json frames = Json::array(), tracks = Json::array(), colors = Json::array(), reach = Json::array(),
+       rows = Json::array();
   for (const SceneFrame& frame : scene.scene.frames) {
     frames.push_back({{"id", frame.id}, {"camera", ToJson(frame.camera)}});
   }
@@ -98,12 +101,14 @@ Json SceneToPageJson(const EditableScene& scene, const std::string& title) {
     }
     tracks.push_back(std::move(track));
     colors.push_back(KeyPointColor(n));
+    reach.push_back(kFarReach * std::max(scene.tracks.Extent(n), kSmallestTrackRange));
   }
   return {{"title", title},
           {"frames", frames},
           {"training_frames", rows},
           {"tracks", tracks},
           {"colors", colors},
+          {"reach", reach},
           {"box", {ToJson(scene.box.low), ToJson(scene.box.high)}},
           {"near", scene.scene.transform.near},
           {"far", scene.scene.transform.far}};
@@ -133,6 +138,21 @@ Json SessionToPageJson(const EditSession& session) {
           {"can_undo", session.can_undo()},
           {"can_redo", session.can_redo()},
           {"trail", {{"times", times}, {"duration", session.trail().Duration()}}}};
+}
+
+Json MotionToPageJson(const MotionStatus& status) {
+  static constexpr const char* kNames[] = {"none", "running", "done", "failed"};
+  Json track = Json::array(), path = Json::array();
+  for (const Pixel& p : status.track) track.push_back({p.u, p.v});
+  for (const Vec3& p : status.path) path.push_back({p.x, p.y, p.z});
+  return {{"state", kNames[static_cast<int>(status.state)]},
+          {"done", status.done},
+          {"total", status.total},
+          {"message", status.message},
+          {"track", track},
+          {"path", path},
+          {"fps", status.fps},
+          {"farthest", status.farthest}};
 }
 
 void ApplyOperation(const Json& operation, const std::string& where, EditSession* session) {

@@ -8,9 +8,11 @@
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
 #include "libeditnerf/base/json_text.h"
+#include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/safetensors.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/config/yaml.h"
+#include "libeditnerf/kernels/bf16_unit.h"
 #include "libeditnerf/scene/scene_json.h"
 #include "libeditnerf/training/step_guard.h"
 #include "libeditnerf/training/training_rays.h"
@@ -145,6 +147,14 @@ void CheckSize(const FieldConfig& config, const Tensors& tensors, const fs::path
   }
 }
 
+// Pictures differ by the rounding of bfloat16 alone, so that a run can be looked at where it could not be trained.
+void TakeKernelHere(Config* config) {
+  std::string& kernel = config->field.fast.kernel;
+  if (kernel != "bf16" || FastestBf16() != Bf16Unit::kNone) return;
+  LogInfo("the run was trained with field.fast.kernel: bf16, which this processor has not; it is shown with fp32");
+  kernel = "fp32";
+}
+
 }  // namespace
 
 void RunCounters::AddSkipped(const std::vector<std::string>& what) {
@@ -201,7 +211,9 @@ void SaveRun(const Run& run, const fs::path& folder, const Tensors& extra) {
   WriteFileAtomically(folder / "config.yaml", ToYaml(run.config));
 }
 
-LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device, Weights weights) {
+namespace {
+
+LoadedRun Load(const fs::path& folder, torch::Device device, bool to_train, Weights weights) {
   const fs::path path = folder / "checkpoint.safetensors";
   if (!fs::exists(path)) {
     Throw<CheckpointError>("{}: no checkpoint here; expected the folder that enf-pretrain or enf-train wrote (--out)",
@@ -226,6 +238,7 @@ LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device, Weights
   Run& run = loaded.run;
   try {
     run.config = LoadConfigText(text("config"), path.string() + " (config)");
+    if (!to_train) TakeKernelHere(&run.config);
     run.stage = text("stage") == "pretrain" ? FieldStage::kPretrain : FieldStage::kTrain;
     run.scene = SceneFromJson(text("scene"), path.string());
     run.scene_path = text("scene_path");
@@ -257,7 +270,15 @@ LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device, Weights
   return loaded;
 }
 
-Run LoadRun(const fs::path& folder, torch::Device device) { return LoadRunWithExtra(folder, device).run; }
+}  // namespace
+
+LoadedRun LoadRunWithExtra(const fs::path& folder, torch::Device device, Weights weights) {
+  return Load(folder, device, /*to_train=*/true, weights);
+}
+
+Run LoadRun(const fs::path& folder, torch::Device device) {
+  return Load(folder, device, /*to_train=*/false, Weights::kFinite).run;
+}
 
 RunCounters LoadCounters(const fs::path& folder) {
   const fs::path path = folder / "checkpoint.safetensors";

@@ -69,6 +69,9 @@ enum class Weights { kFinite, kAsTheyAre };
 // Throws CheckpointError naming the file and what is missing, damaged, of another version, or not finite.
 LoadedRun LoadRunWithExtra(const std::filesystem::path& folder, torch::Device device,
                            Weights weights = Weights::kFinite);
+
+// The same, to be shown and measured, not trained on. A run that was trained with field.fast.kernel: bf16 is opened on
+// processors without bfloat16 as well, with another kernel and a logged line; training it there is an error.
 Run LoadRun(const std::filesystem::path& folder, torch::Device device = torch::kCPU);
 
 // What was spent on a run, without its tensors; throws CheckpointError.

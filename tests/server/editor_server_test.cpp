@@ -12,6 +12,8 @@
 #include "libeditnerf/imaging/json_file.h"
 #include "tests/catch.h"
 #include "tests/editing/editable_fixture.h"
+#include "tests/editing/moving_patch.h"
+#include "tests/imaging/scratch_folder.h"
 
 using namespace editnerf;
 
@@ -141,6 +143,54 @@ TEST_CASE("a trail is handed out as an edit file and becomes a video, once at a 
   CHECK(state()["state"] == "cancelled");
 }
 
+TEST_CASE("a video is brought in pieces, and its motion drives a key point") {
+  Desk desk;
+  const ScratchFolder folder;
+  WriteMovingPatch(folder / "clip.mp4", 6);
+  const std::string bytes = ReadText(folder / "clip.mp4");
+  auto client = desk.Client();
+  const auto piece = [&](const std::string& where, const std::string& body) {
+    return client.Post("/api/motion/video?tab=a&" + where, body, "application/octet-stream");
+  };
+  const std::string follow = R"({"tab": "a", "u": 40, "v": 40, "key_point": 0, "axes": 1})";
+  CHECK_THAT(ErrorOf(client.Post("/api/motion", follow, "application/json"), 400), HasText("there is none yet"));
+  CHECK_THAT(ErrorOf(piece("offset=x&last=0", ""), 400), HasText("offset: expected a whole number, found 'x'"));
+  CHECK_THAT(ErrorOf(piece("offset=7&last=0", "late"), 400),
+             HasText("expected the piece at byte 0, found the one at 7"));
+  CHECK_THAT(ErrorOf(piece("offset=0&last=1", "no video"), 400), HasText("cannot be read as a video"));
+  CHECK_THAT(ErrorOf(piece("offset=0&last=0", std::string(2 << 20, 'x')), 413), HasText("larger than 1 MiB"));
+  REQUIRE(piece("offset=0&last=0", bytes.substr(0, 1000))->status == 200);
+  const Json frame = Json::parse(piece("offset=1000&last=1", bytes.substr(1000))->body);
+  CHECK(frame["width"] == 128);
+  CHECK(frame["height"] == 96);
+  const auto motion = [&](const std::string& wish) {
+    REQUIRE(client.Post("/api/motion", wish, "application/json")->status == 200);
+    for (;; std::this_thread::sleep_for(std::chrono::milliseconds(20))) {
+      const Json status = Json::parse(client.Get("/api/motion?tab=a")->body);
+      if (status["state"] != "running") return status;
+    }
+  };
+  const Json found = motion(follow);
+  INFO(found.dump());
+  REQUIRE(found["state"] == "done");
+  CHECK(found["path"].size() == 6);
+  CHECK(found["path"][5][0].get<double>() == Approx(0.1).margin(0.01));
+  CHECK(motion(R"({"tab": "a", "u": 500, "v": 40, "key_point": 0})")["message"] ==
+        "video: the point 500,40 is not in the picture, which has 128 x 96 pixels");
+  CHECK_THAT(
+      ErrorOf(client.Post("/api/motion", R"({"tab": "a", "u": 4, "v": 4, "key_point": 9})", "application/json"), 400),
+      HasText("key point 9: the run has 2"));
+  CHECK(Json::parse(client.Get("/api/motion?tab=b")->body)["state"] == "none");
+}
+
+TEST_CASE("a tab hears that the server did not know it, once") {
+  Desk desk;
+  CHECK(desk.Edit(Json::array())["fresh"] == true);
+  CHECK(desk.Edit(Json::array())["fresh"] == false);
+  for (int i = 0; i < 40; ++i) desk.Edit(Json::array(), "other" + std::to_string(i));  // more than are kept
+  CHECK(desk.Edit(Json::array())["fresh"] == true);
+}
+
 TEST_CASE("a port that is taken is a mistake of the command line") {
   Desk desk;
   EditorServerOptions options;
@@ -154,4 +204,5 @@ TEST_CASE("a run for the browser", "[.][browser-run]") {
   const char* const folder = std::getenv("EDITNERF_BROWSER_RUN");
   REQUIRE(folder != nullptr);
   SaveRun(FixtureRun(), folder);
+  WriteMovingPatch(std::filesystem::path(folder) / "clip.mp4", 8);
 }

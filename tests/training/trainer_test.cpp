@@ -7,6 +7,11 @@
 #include <fstream>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/base/interrupt.h"
+#include "libeditnerf/base/logging.h"
+#include "libeditnerf/config/yaml.h"
+#include "libeditnerf/kernels/bf16_unit.h"
+#include "libeditnerf/scene/synthetic/synthetic_scene.h"
 #include "tests/catch.h"
 #include "tests/training/small_training.h"
 
@@ -164,6 +169,29 @@ TEST_CASE("a step with a loss that is not finite changes no weight") {
   const torch::Tensor before = parameters["fine.canonical_table"].detach().clone();
   trainer.Step();
   CHECK(torch::equal(before, parameters["fine.canonical_table"].detach()));
+}
+
+TEST_CASE("a run of the bfloat16 kernel is shown where the processor has none, and trained only where it has") {
+  const fs::path folder = Scratch("bf16");
+  Run run = MakeRun(SmallFast(), FieldStage::kTrain, TinyScene(), TrueTracks(TinyScene()), torch::kCPU);
+  run.config.field.fast.kernel = "bf16";
+  SaveRun(run, folder);
+  {
+    const Bf16Limit none(Bf16Unit::kNone);
+    std::string said;
+    const LogLevel level = GetLogLevel();
+    SetLogLevel(LogLevel::kInfo);
+    SetLogSink([&](LogLevel, const std::string& line) { said += line; });
+    const Run shown = LoadRun(folder);
+    SetLogSink({});
+    SetLogLevel(level);
+    CHECK_THAT(said, HasText("which this processor has not; it is shown with fp32"));
+    REQUIRE(shown.field->Fused());
+    CHECK(shown.field->Fused()->bf16 == Bf16Unit::kNone);
+    CHECK_THROWS_AS(LoadRunWithExtra(folder, torch::kCPU).run.field->Fused(), ConfigError);
+  }
+  if (FastestBf16() != Bf16Unit::kNone) CHECK(LoadRun(folder).field->Fused()->bf16 == FastestBf16());
+  fs::remove_all(folder);
 }
 
 TEST_CASE("a checkpoint that is damaged, cut off or of another kind is refused by name") {
