@@ -119,8 +119,9 @@ std::string CountersToJson(const RunCounters& c) {
 RunCounters CountersFromJson(const std::string& text) {
   const auto value = nlohmann::json::parse(text);
   const auto count = [&value](const char* key) { return WholeNumber(value.at(key), key); };
-  RunCounters c = {count("step"), count("rays"), count("samples"), value.at("seconds_training"),
-                   value.at("seconds_total")};
+  RunCounters c;
+  c.step = count("step"), c.rays = count("rays"), c.samples = count("samples");
+  c.seconds_training = value.at("seconds_training"), c.seconds_total = value.at("seconds_total");
   // Checkpoints from before they were counted have none of these.
   if (value.contains("skipped")) c.skipped = count("skipped");
   if (value.contains("rolled_back")) c.rolled_back = count("rolled_back");

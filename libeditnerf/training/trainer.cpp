@@ -337,15 +337,8 @@ std::optional<double> Trainer::Measure() {
 }
 
 void Trainer::Log(const std::map<std::string, double>& losses, std::optional<double> psnr) {
-  const RunCounters& counters = run_.counters;
-  MetricsRow row;
-  row.seconds_training = counters.seconds_training;
-  row.seconds_total = counters.seconds_total;
-  row.step = counters.step;
-  row.rays = counters.rays;
-  row.samples = counters.samples;
-  row.losses = losses;
-  row.held_out_psnr = psnr;
+  const RunCounters& c = run_.counters;
+  const MetricsRow row = {c.seconds_training, c.seconds_total, c.step, c.rays, c.samples, losses, psnr};
   if (!log_) {
     std::vector<std::string> terms;
     for (const auto& [name, value] : losses) terms.push_back(name);
