@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <map>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -20,7 +19,7 @@
 #include "libeditnerf/imaging/encoded_image.h"
 #include "libeditnerf/pipeline/interactive_renderer.h"
 #include "libeditnerf/server/base64.h"
-#include "libeditnerf/server/motion_job.h"
+#include "libeditnerf/server/editor_tabs.h"
 #include "libeditnerf/server/render_thread.h"
 #include "libeditnerf/server/request_guard.h"
 #include "libeditnerf/server/session_json.h"
@@ -30,23 +29,12 @@ namespace editnerf {
 namespace {
 
 constexpr size_t kMaxBody = 1 << 20;
-constexpr size_t kMaxTabs = 32;
-constexpr size_t kMaxTabName = 64;
 constexpr size_t kMaxOperations = 1000;
 constexpr int64_t kMinWidth = 16, kMaxWidth = 1920;
 constexpr int kPreviewQuality = 80, kPictureQuality = 95;
 // A browser keeps up to six connections open, each of which holds a thread of the server that mostly waits.
 constexpr size_t kConnections = 32;
 constexpr const char* kJson = "application/json";
-
-struct Tab {
-  explicit Tab(const std::shared_ptr<const EditableScene>& scene) : session(scene) {}
-  std::mutex mutex;
-  EditSession session;
-  std::shared_ptr<MotionJob> motion;  // where a video was brought
-  bool fresh = true;                  // nothing was edited yet: the page may know more than the server, started anew
-  std::chrono::steady_clock::time_point used;
-};
 
 void Answer(const Json& json, httplib::Response* response, int status = 200) {
   response->status = status;
@@ -90,49 +78,29 @@ struct EditorServer::Impl {
   Impl(Run run, const EditorServerOptions& with)
       : options(with),
         scene(std::make_shared<const EditableScene>(MakeEditableScene(run))),
+        tabs(scene),
         renderer(std::move(run)),
         video(thread, renderer) {}
 
-  std::shared_ptr<Tab> TabOf(const std::string& name);
   std::optional<std::string> Refuse(const httplib::Request& request) const;
-  Json Picture(const Json& wish, Tab& tab, const std::string& name);
+  Json Picture(const Json& wish, EditorTab& tab, const std::string& name);
   void Edit(const httplib::Request& request, httplib::Response* response);
   EditFile TrailOf(const std::string& tab, double fps, int64_t width);
   void AddRoutes();
   void AddVideoRoutes();
   void AddMotionRoutes();
-  std::shared_ptr<MotionJob> MotionOf(const std::string& tab);
   void AddGuards();
 
   EditorServerOptions options;
   GuardOptions guard;
   std::shared_ptr<const EditableScene> scene;
-  std::mutex tabs_mutex;
-  std::map<std::string, std::shared_ptr<Tab>> tabs;
+  EditorTabs tabs;
   InteractiveRenderer renderer;
   RenderThread thread;
   VideoJob video;
   httplib::Server http;
   int port = 0;
 };
-
-// Made where it is new; the one that was used least lately makes room.
-std::shared_ptr<Tab> EditorServer::Impl::TabOf(const std::string& name) {
-  if (name.empty() || name.size() > kMaxTabName) {
-    Throw<DataError>("request: tab: expected a name of 1 to {} characters", kMaxTabName);
-  }
-  const std::lock_guard<std::mutex> lock(tabs_mutex);
-  auto found = tabs.find(name);
-  if (found == tabs.end()) {
-    if (tabs.size() >= kMaxTabs) {
-      tabs.erase(std::min_element(tabs.begin(), tabs.end(),
-                                  [](const auto& a, const auto& b) { return a.second->used < b.second->used; }));
-    }
-    found = tabs.emplace(name, std::make_shared<Tab>(scene)).first;
-  }
-  found->second->used = std::chrono::steady_clock::now();
-  return found->second;
-}
 
 std::optional<std::string> EditorServer::Impl::Refuse(const httplib::Request& request) const {
   RequestHeaders headers;
@@ -147,7 +115,7 @@ std::optional<std::string> EditorServer::Impl::Refuse(const httplib::Request& re
 
 // Called without the tab's lock, which rendering would hold for too long: other requests of the tab only wait for the
 // state to be copied.
-Json EditorServer::Impl::Picture(const Json& wish, Tab& tab, const std::string& name) {
+Json EditorServer::Impl::Picture(const Json& wish, EditorTab& tab, const std::string& name) {
   PictureRequest request;
   request.width = JsonInteger(wish, "width", "request: picture");
   if (request.width < kMinWidth || request.width > kMaxWidth) {
@@ -176,7 +144,7 @@ Json EditorServer::Impl::Picture(const Json& wish, Tab& tab, const std::string& 
 void EditorServer::Impl::Edit(const httplib::Request& request, httplib::Response* response) {
   const Json body = ParseBody(request);
   const std::string name = body.value("tab", "");
-  const std::shared_ptr<Tab> tab = TabOf(name);
+  const std::shared_ptr<EditorTab> tab = tabs.Of(name);
   if (body.contains("operations")) {
     const Json& operations = body["operations"];
     if (!operations.is_array() || operations.size() > kMaxOperations) {
@@ -196,7 +164,7 @@ void EditorServer::Impl::Edit(const httplib::Request& request, httplib::Response
 }
 
 EditFile EditorServer::Impl::TrailOf(const std::string& name, double fps, int64_t width) {
-  const std::shared_ptr<Tab> tab = TabOf(name);
+  const std::shared_ptr<EditorTab> tab = tabs.Of(name);
   const std::lock_guard<std::mutex> lock(tab->mutex);
   const EditTrail& trail = tab->session.trail();
   int64_t height = 0;
@@ -307,16 +275,9 @@ void EditorServer::Impl::AddVideoRoutes() {
   });
 }
 
-std::shared_ptr<MotionJob> EditorServer::Impl::MotionOf(const std::string& name) {
-  const std::shared_ptr<Tab> tab = TabOf(name);
-  const std::lock_guard<std::mutex> lock(tab->mutex);
-  if (!tab->motion) tab->motion = std::make_shared<MotionJob>(scene);
-  return tab->motion;
-}
-
 void EditorServer::Impl::AddMotionRoutes() {
   http.Post("/api/motion/video", [this](const httplib::Request& request, httplib::Response& response) {
-    const auto motion = MotionOf(request.get_param_value("tab"));
+    const auto motion = tabs.MotionOf(request.get_param_value("tab"));
     motion->Receive(WholeNumber(request, "offset"), request.body);
     if (WholeNumber(request, "last") == 0) return Answer(Json::object(), &response);
     const torch::Tensor frame = motion->FirstFrame();
@@ -331,16 +292,16 @@ void EditorServer::Impl::AddMotionRoutes() {
     transfer.key_point = JsonInteger(body, "key_point", "request");
     transfer.reversed = body.value("reversed", false);
     transfer.axes = body.value("axes", 2);
-    const std::shared_ptr<Tab> tab = TabOf(name);
+    const std::shared_ptr<EditorTab> tab = tabs.Of(name);
     {
       const std::lock_guard<std::mutex> lock(tab->mutex);
       transfer.view = tab->session.camera();
     }
-    MotionOf(name)->Start({JsonNumber(body, "u", "request"), JsonNumber(body, "v", "request")}, transfer);
+    tabs.MotionOf(name)->Start({JsonNumber(body, "u", "request"), JsonNumber(body, "v", "request")}, transfer);
     Answer({{"state", "running"}}, &response);
   });
   http.Get("/api/motion", [this](const httplib::Request& request, httplib::Response& response) {
-    Answer(MotionToPageJson(MotionOf(request.get_param_value("tab"))->Status()), &response);
+    Answer(MotionToPageJson(tabs.MotionOf(request.get_param_value("tab"))->Status()), &response);
   });
 }
 

@@ -1,7 +1,5 @@
 #include "libeditnerf/server/motion_job.h"
 
-#include <stdlib.h>
-
 #include <algorithm>
 #include <fstream>
 #include <utility>
@@ -9,14 +7,7 @@
 #include "libeditnerf/base/error.h"
 
 namespace editnerf {
-namespace fs = std::filesystem;
 namespace {
-
-fs::path TemporaryFolder() {
-  std::string pattern = (fs::temp_directory_path() / "enf-edit-XXXXXX").string();
-  if (::mkdtemp(pattern.data()) == nullptr) Throw<DataError>("{}: no temporary folder can be made", pattern);
-  return pattern;
-}
 
 // The first words of the messages; where the file lies on the server is nobody's business.
 constexpr const char* kName = "video";
@@ -24,13 +15,9 @@ constexpr const char* kName = "video";
 }  // namespace
 
 MotionJob::MotionJob(std::shared_ptr<const EditableScene> scene)
-    : scene_(std::move(scene)), folder_(TemporaryFolder()), video_(folder_ / "video") {}
+    : scene_(std::move(scene)), video_(folder_ / "video") {}
 
-MotionJob::~MotionJob() {
-  Cancel();
-  std::error_code ignored;
-  fs::remove_all(folder_, ignored);
-}
+MotionJob::~MotionJob() { Cancel(); }
 
 void MotionJob::Receive(int64_t offset, const std::string& bytes) {
   const std::lock_guard<std::mutex> use(use_);

@@ -12,6 +12,7 @@
 
 #include "libeditnerf/editing/edit_session.h"
 #include "libeditnerf/editing/motion_transfer.h"
+#include "libeditnerf/server/temporary_folder.h"
 
 namespace editnerf {
 
@@ -49,7 +50,8 @@ class MotionJob {
   void Follow(const Pixel& point, const TransferOptions& options);
 
   std::shared_ptr<const EditableScene> scene_;
-  std::filesystem::path folder_, video_;
+  TemporaryFolder folder_;
+  std::filesystem::path video_;
   int64_t received_ = 0;
   mutable std::mutex mutex_;  // of the status; everything else is used under use_
   std::mutex use_;

@@ -1,6 +1,5 @@
 #include "libeditnerf/server/video_job.h"
 
-#include <stdlib.h>
 #include <torch/torch.h>
 
 #include <exception>
@@ -15,12 +14,6 @@
 namespace editnerf {
 namespace fs = std::filesystem;
 namespace {
-
-fs::path TemporaryFolder() {
-  std::string pattern = (fs::temp_directory_path() / "enf-edit-XXXXXX").string();
-  if (::mkdtemp(pattern.data()) == nullptr) Throw<DataError>("{}: no temporary folder can be made", pattern);
-  return pattern;
-}
 
 PictureRequest RequestOf(const PlannedFrame& frame, int64_t row) {
   PictureRequest request;
@@ -44,14 +37,11 @@ int64_t RowOf(const Scene& scene, const std::string& id) {
 
 }  // namespace
 
-VideoJob::VideoJob(RenderThread& thread, InteractiveRenderer& renderer)
-    : thread_(thread), renderer_(renderer), folder_(TemporaryFolder()) {}
+VideoJob::VideoJob(RenderThread& thread, InteractiveRenderer& renderer) : thread_(thread), renderer_(renderer) {}
 
 VideoJob::~VideoJob() {
   Cancel();
   if (worker_.joinable()) worker_.join();
-  std::error_code ignored;
-  fs::remove_all(folder_, ignored);
 }
 
 void VideoJob::Start(const EditFile& edit) {

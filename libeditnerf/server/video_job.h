@@ -11,6 +11,7 @@
 #include "libeditnerf/editing/edit_file.h"
 #include "libeditnerf/pipeline/interactive_renderer.h"
 #include "libeditnerf/server/render_thread.h"
+#include "libeditnerf/server/temporary_folder.h"
 
 namespace editnerf {
 
@@ -41,7 +42,7 @@ class VideoJob {
 
   RenderThread& thread_;
   InteractiveRenderer& renderer_;
-  std::filesystem::path folder_;
+  TemporaryFolder folder_;
   mutable std::mutex mutex_;
   VideoStatus status_;
   std::atomic<bool> cancel_{false};
