@@ -18,8 +18,8 @@ void ReadYamlInput(const std::string& input) { LoadConfigText(input, Name()); }
 
 Inputs YamlSeeds() {
   return {"train: {steps: 100, seconds: 60}\nfield:\n  kind: fast  # a comment\n  fast: {local_frames: true}\n",
-          "seed: &a 7\ntrain:\n  steps: *a\nflow:\n  weights: \"a\\x20b\"\n  method: 'dis'\n",
-          "---\n? seed\n: 3\n...\n"};
+          "pretrain:\n  steps: &a 7\ntrain:\n  steps: *a\nflow:\n  weights: \"a\\x20b\"\n  method: 'dis'\n",
+          "---\n? train\n: {steps: 3}\n...\n"};
 }
 
 void ReadOverrideInput(const std::string& input) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <system_error>
 #include <utility>
 
 #include "libeditnerf/base/error.h"
@@ -57,6 +58,10 @@ ImportedModel ReadTransformsJson(const fs::path& path) {
 
     const Intrinsics values(json, entry, where);
     if (image_width == 0 && !(values.Has("w") && values.Has("h"))) {
+      std::error_code none;
+      if (!fs::exists(frame.image_path, none)) {
+        Throw<DataError>("{}: file_path: {}: no such file", where, frame.image_path.string());
+      }
       const torch::Tensor image = ReadImage(frame.image_path);
       image_width = static_cast<double>(image.size(1));
       image_height = static_cast<double>(image.size(0));
