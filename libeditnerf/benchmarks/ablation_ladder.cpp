@@ -38,9 +38,11 @@ std::vector<LadderStep> AblationLadder(const Config& config, const LadderKeyPoin
   Config ours = config;
   ours.train.still_share = ours.train.carried_share = 0;
   steps.push_back({"refinement", "+ rigid parts, refined tracks", false, ours, without_turns(refined)});
-  // Carried along without its turn, a ray on a turning part would miss what it saw: turns come first.
-  if (refined.turns.defined()) steps.push_back({"local-frames", "+ local frames", false, ours, refined});
-  steps.push_back({"places", "+ known places", false, config, refined});
+  if (refined.turns.defined()) {
+    steps.push_back({"local-frames", "+ local frames", false, config, refined});
+  } else {
+    steps.push_back({"places", "+ known places", false, config, refined});
+  }
   return steps;
 }
 

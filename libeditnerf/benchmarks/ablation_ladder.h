@@ -35,8 +35,8 @@ DetectionConfig VolumeDetection(const DetectionConfig& config, int64_t count);
 //   geometry        the geometry loss
 //   initialisation  tracks propagated by flow and depth; the paper's method
 //   refinement      key points on rigid parts and tracks refined by least squares; not in the paper, as all below
-//   local-frames    turns of the parts on hinges; only where `refined` has any
-//   places          rays through places that stand still or go along with a key point
+//   local-frames    turns of the parts on hinges, where `refined` has any; otherwise
+//   places          rays through places that stand still or go along with a key point, which turning parts do not get
 // `config` is what the last one takes as it is.
 std::vector<LadderStep> AblationLadder(const Config& config, const LadderKeyPoints& volume,
                                        const DetectedKeyPoints& refined);

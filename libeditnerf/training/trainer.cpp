@@ -66,8 +66,10 @@ Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision>
 
 void Trainer::SetKnownPlaces(const DepthTargets& places) {
   if (run_.field->num_key_points() == 0) return;
-  // Turns are known to several degrees only: carried along by them, a ray would miss what it saw.
-  rays_.SetKnownPlaces(places, stage_.still_share, run_.field->has_local_frames() ? 0 : stage_.carried_share);
+  // Parts that turn: carried along by turns that are known to several degrees only, a ray would miss what it saw; and
+  // key points drawn anew lie beside the arc, where a part that is not there hides what stands still.
+  if (run_.field->has_local_frames()) return;
+  rays_.SetKnownPlaces(places, stage_.still_share, stage_.carried_share);
 }
 
 void Trainer::Resume(const std::map<std::string, torch::Tensor>& extra) {
