@@ -12,6 +12,9 @@
 
 namespace editnerf {
 
+// Of a step of the paper's field: its 6,144 rays of 384 evaluations would take 50 GB for one step's graph.
+constexpr int64_t kPaperRays = 256;
+
 struct BenchScene {
   std::string source;  // as given
   Scene scene;

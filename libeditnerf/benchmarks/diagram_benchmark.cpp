@@ -23,8 +23,6 @@ constexpr double kThresholds[] = {25, 30, 35, 40};  // dB
 constexpr int64_t kProbeSteps = 3;                  // that say how long a step takes
 constexpr int64_t kEditFrames = 4;
 constexpr double kSlowStep = 1, kSlowShare = 0.5;  // seconds; of the measurements, where a step takes longer
-// The paper's 6,144 rays of 384 evaluations would take 50 GB for one step's graph.
-constexpr int64_t kPaperRays = 256;
 
 double SecondsOfStep(const Config& config, const BenchScene& bench, torch::Device device) {
   Trainer trainer(MakeBenchRun(config, FieldStage::kTrain, bench, device), bench.scene, std::nullopt, {});

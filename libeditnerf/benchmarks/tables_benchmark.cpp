@@ -26,8 +26,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int64_t kFlowPairs = 12;
-// The paper's 6,144 rays of 384 evaluations would take 50 GB for one step's graph.
-constexpr int64_t kPaperRays = 256;
 constexpr int64_t kPaperFrames = 4;  // of each protocol: a picture takes minutes
 
 Json ToJson(const std::vector<DepthError>& errors) {

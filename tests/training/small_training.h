@@ -3,13 +3,16 @@
 
 #include <torch/torch.h>
 #include <unistd.h>
+#include <utility>
 
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/config/yaml.h"
+#include "libeditnerf/kernels/bf16_unit.h"
 #include "libeditnerf/scene/synthetic/synthetic_scene.h"
 #include "libeditnerf/training/trainer.h"
 
@@ -55,6 +58,21 @@ inline Config SmallFast() {
     stage->log_every = 1;
   }
   return config;
+}
+
+// The fields that a step can go through, each its own way: fused in float32 and, where the processor has it, in
+// bfloat16, with `modules` module by module as well, and the paper's.
+inline std::vector<std::pair<std::string, Config>> FieldWays(bool modules) {
+  std::vector<std::pair<std::string, Config>> ways;
+  for (const std::string kernel : {"fp32", "bf16", "modules"}) {
+    if (kernel == "bf16" && FastestBf16() == Bf16Unit::kNone) continue;
+    if (kernel == "modules" && !modules) continue;
+    Config config = SmallFast();
+    config.field.fast.kernel = kernel;
+    ways.emplace_back(kernel, config);
+  }
+  ways.emplace_back("paper", Load("tiny"));
+  return ways;
 }
 
 // The lid's corner on its true path, as tracks [T, 1, 3].

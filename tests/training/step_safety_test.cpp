@@ -18,20 +18,6 @@ namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
-// The fields that a step can go through, each its own way: fused in float32 and in bfloat16, module by module, and the
-// paper's.
-std::vector<std::pair<std::string, Config>> AllWays() {
-  std::vector<std::pair<std::string, Config>> ways;
-  for (const char* kernel : {"fp32", "bf16", "modules"}) {
-    if (std::string(kernel) == "bf16" && FastestBf16() == Bf16Unit::kNone) continue;
-    Config config = SmallFast();
-    config.field.fast.kernel = kernel;
-    ways.emplace_back(kernel, config);
-  }
-  ways.emplace_back("paper", Load("tiny"));
-  return ways;
-}
-
 Run TinyRun(const Config& config, FieldStage stage = FieldStage::kTrain) {
   torch::manual_seed(1);
   return MakeRun(config, stage, TinyScene(), stage == FieldStage::kTrain ? TrueTracks(TinyScene()) : torch::Tensor(),
@@ -63,7 +49,7 @@ std::map<std::string, torch::Tensor> Copies(const Run& run) {
 }  // namespace
 
 TEST_CASE("a NaN in any layer that every sample passes is met by the guard, on every way through the field") {
-  for (const auto& [way, config] : AllWays()) {
+  for (const auto& [way, config] : FieldWays(/*modules=*/true)) {
     for (const FieldStage stage : {FieldStage::kPretrain, FieldStage::kTrain}) {
       const CaughtLog log;
       const std::vector<std::string> biases = BiasesOf(TinyRun(config, stage));
@@ -106,7 +92,7 @@ TEST_CASE("where density is not a number the occupancy grid does not hide it") {
 }
 
 TEST_CASE("after repeated failure weights, moments and occupancy are those of the good state, and training goes on") {
-  for (const auto& [way, config] : AllWays()) {
+  for (const auto& [way, config] : FieldWays(/*modules=*/true)) {
     INFO(way);
     const CaughtLog log;
     const Run run = TinyRun(config);
@@ -197,7 +183,7 @@ TEST_CASE("a run that cannot take its first step ends with an error") {
 }
 
 TEST_CASE("a skipped step is written down and gives the same numbers when it is computed again") {
-  for (const auto& [way, config] : AllWays()) {
+  for (const auto& [way, config] : FieldWays(/*modules=*/true)) {
     INFO(way);
     const CaughtLog log;
     const TrainingFolder folder("dump");

@@ -57,21 +57,9 @@ Ended Train(const Input& input, Config config, FieldStage stage) {
   return ended;
 }
 
-std::vector<std::pair<std::string, Config>> Ways() {
-  std::vector<std::pair<std::string, Config>> ways;
-  for (const char* kernel : {"fp32", "bf16"}) {
-    if (std::string(kernel) == "bf16" && FastestBf16() == Bf16Unit::kNone) continue;
-    Config config = SmallFast();
-    config.field.fast.kernel = kernel;
-    ways.emplace_back(kernel, config);
-  }
-  ways.emplace_back("paper", Load("tiny"));
-  return ways;
-}
-
 // Input on which every stage of every field has to get through, without skipping a single step.
 void CheckGetsThrough(const Input& input) {
-  for (const auto& [way, config] : Ways()) {
+  for (const auto& [way, config] : FieldWays(/*modules=*/false)) {
     for (const FieldStage stage : {FieldStage::kPretrain, FieldStage::kTrain}) {
       if (way == "paper" && stage == FieldStage::kPretrain) continue;  // seconds; it differs by the slicing alone
       INFO(way << (stage == FieldStage::kTrain ? ", training" : ", pretraining"));
@@ -86,7 +74,7 @@ void CheckGetsThrough(const Input& input) {
 }  // namespace
 
 TEST_CASE("absurd learning rates end in finite weights or in an error that names the rate", "[whole-run]") {
-  for (const auto& [way, base] : Ways()) {
+  for (const auto& [way, base] : FieldWays(/*modules=*/false)) {
     for (const double rate : {1.0, 1e3, 1e12, 1e30, 1e38}) {
       INFO(way << " " << rate);
       Config config = base;
