@@ -2,18 +2,24 @@
 
 #include <cmath>
 
+#include "libeditnerf/base/parallel.h"
+
 namespace editnerf {
 namespace {
 
 constexpr int64_t kGuidedShare = 4;  // one in so many rays goes through a pixel of known distance
 constexpr double kBefore = 0.9;      // share of the distance to a known place, before which other parts may move
+constexpr int64_t kRayGrain = 256;   // rays that are worth another thread
+
+void Put(const Vec3& value, float* to) {
+  to[0] = static_cast<float>(value.x), to[1] = static_cast<float>(value.y), to[2] = static_cast<float>(value.z);
+}
 
 }  // namespace
 
 TrainingRays::TrainingRays(const Scene& scene, const std::vector<int64_t>& frames, torch::Device device) {
-  std::vector<Camera> cameras;
-  for (const int64_t frame : frames) cameras.push_back(scene.frames[static_cast<size_t>(frame)].camera);
-  cameras_ = StackCameras(cameras, torch::kFloat32, device);
+  for (const int64_t frame : frames) each_camera_.push_back(scene.frames[static_cast<size_t>(frame)].camera);
+  cameras_ = StackCameras(each_camera_, torch::kFloat32, device);
   images_ = scene.images.index_select(0, torch::tensor(frames, torch::kInt64)).to(device);
   torch::Tensor sum = torch::zeros({3}, torch::TensorOptions(torch::kFloat64).device(device));
   for (int64_t frame = 0; frame < images_.size(0); ++frame)
@@ -76,13 +82,48 @@ RayTargets TrainingRays::Sample(int64_t count) const {
     batch.carrier = batch.drawn == 0 ? carrier : torch::cat({carrier, batch.carrier});
     batch.drawn += share;
   }
-  const torch::Tensor frame = pixel.div(height * width, "floor");
-  const torch::Tensor within = pixel - frame * (height * width);
-  const torch::Tensor row = within.div(width, "floor"), column = within - row * width;
-  batch.frame = frame;
-  batch.rays = RaysThroughPixels(cameras_, frame, torch::stack({column, row}, 1).to(torch::kFloat32) + 0.5);
-  batch.target = images_.view({-1, 3}).index_select(0, pixel).to(torch::kFloat32) / 255;
+  RayTargets seen = Through(pixel);
+  batch.frame = seen.frame;
+  batch.rays = seen.rays;
+  batch.target = seen.target;
   return batch;
+}
+
+RayTargets TrainingRays::Through(const torch::Tensor& pixel) const {
+  const int64_t height = images_.size(1), width = images_.size(2);
+  RayTargets seen;
+  if (!images_.is_cpu()) {
+    seen.frame = pixel.div(height * width, "floor");
+    const torch::Tensor within = pixel - seen.frame * (height * width);
+    const torch::Tensor row = within.div(width, "floor"), column = within - row * width;
+    seen.rays = RaysThroughPixels(cameras_, seen.frame, torch::stack({column, row}, 1).to(torch::kFloat32) + 0.5);
+    seen.target = images_.view({-1, 3}).index_select(0, pixel).to(torch::kFloat32) / 255;
+    return seen;
+  }
+  // In one pass: thirty small operations would take longer than all the rest of a step that is not spread over threads.
+  const int64_t count = pixel.size(0);
+  seen.frame = torch::empty_like(pixel);
+  for (torch::Tensor* part : {&seen.rays.origin, &seen.rays.direction, &seen.target})
+    *part = torch::empty({count, 3}, torch::kFloat32);
+  const int64_t* const pixels = pixel.data_ptr<int64_t>();
+  const uint8_t* const images = images_.data_ptr<uint8_t>();
+  int64_t* const frames = seen.frame.data_ptr<int64_t>();
+  float* const origins = seen.rays.origin.data_ptr<float>();
+  float* const directions = seen.rays.direction.data_ptr<float>();
+  float* const targets = seen.target.data_ptr<float>();
+  ParallelFor(count, kRayGrain, [&](int64_t begin, int64_t end) {
+    for (int64_t ray = begin; ray < end; ++ray) {
+      const int64_t frame = pixels[ray] / (height * width), within = pixels[ray] % (height * width);
+      const Camera& camera = each_camera_[static_cast<size_t>(frame)];
+      const Vec3 direction =
+          camera.DirectionThrough(static_cast<double>(within % width) + 0.5, static_cast<double>(within / width) + 0.5);
+      frames[ray] = frame;
+      Put(camera.position, origins + 3 * ray);
+      Put(direction, directions + 3 * ray);
+      for (int64_t i = 0; i < 3; ++i) targets[3 * ray + i] = static_cast<float>(images[3 * pixels[ray] + i]) / 255;
+    }
+  });
+  return seen;
 }
 
 }  // namespace editnerf

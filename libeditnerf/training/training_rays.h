@@ -40,6 +40,9 @@ class TrainingRays {
   // `count` pixels drawn uniformly, with repetition, from LibTorch's default CPU generator.
   RayTargets Sample(int64_t count) const;
 
+  // Frame, rays and colours of pixels [R] int64, counted through all images row by row.
+  RayTargets Through(const torch::Tensor& pixel) const;
+
   const CameraTensors& cameras() const { return cameras_; }
   const torch::Tensor& mean_color() const { return mean_color_; }  // [3], of all pixels
 
@@ -52,6 +55,7 @@ class TrainingRays {
   torch::Tensor PixelsOf(const DepthTargets& places) const;
   KnownPlaces Where(const DepthTargets& places, const torch::Tensor& chosen, double share) const;
 
+  std::vector<Camera> each_camera_;
   CameraTensors cameras_;
   torch::Tensor images_;      // [F, H, W, 3] uint8
   torch::Tensor mean_color_;  // [3]

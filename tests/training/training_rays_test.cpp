@@ -55,3 +55,29 @@ TEST_CASE("shares of the rays go through places that stand still or are carried,
   check(0, 0.2, 0, 8);
   check(0.25, 0.2, 10, 8);
 }
+
+TEST_CASE("rays of pixels are those that tensors of cameras give, with the images' colours") {
+  Scene scene = SmallScene();
+  const bool distorted = GENERATE(false, true);
+  INFO("distorted " << distorted);
+  std::vector<Camera> cameras;
+  for (const int64_t frame : scene.train) {
+    Camera& camera = scene.frames[static_cast<size_t>(frame)].camera;
+    if (distorted) camera.radial_distortion = {0.1, -0.02, 0}, camera.tangential_distortion = {1e-3, -2e-3};
+    cameras.push_back(camera);
+  }
+  const TrainingRays rays(scene, scene.train, torch::kCPU);
+  const int64_t all = rays.cameras().size() * 9 * 16;
+  const RayTargets seen = rays.Through(torch::arange(all - 1, -1, -1, torch::kInt64));
+  const torch::Tensor frame = torch::arange(all, torch::kInt64).div(9 * 16, "floor").flip(0);
+  const auto grid = torch::meshgrid({torch::arange(9), torch::arange(16)}, "ij");
+  const torch::Tensor pixel =
+      torch::stack({grid[1], grid[0]}, -1).view({-1, 2}).repeat({rays.cameras().size(), 1}).flip(0) + 0.5;
+  const Rays expected = RaysThroughPixels(StackCameras(cameras, torch::kFloat64), frame, pixel);
+  CHECK(torch::equal(seen.frame, frame));
+  CHECK(torch::allclose(seen.rays.origin, expected.origin.to(torch::kFloat32)));
+  CHECK((seen.rays.direction - expected.direction).abs().max().item<double>() < 1e-7);
+  const torch::Tensor images = scene.images.index_select(0, torch::tensor(scene.train, torch::kInt64));
+  CHECK(torch::equal(seen.target, images.view({-1, 3}).flip(0).to(torch::kFloat32) / 255));
+  CHECK(rays.Through(torch::empty({0}, torch::kInt64)).target.size(0) == 0);
+}
