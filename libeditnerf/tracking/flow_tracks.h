@@ -18,6 +18,7 @@ struct FlowTrack {
   int64_t first = 0;         // frame of pixel[0]
   int64_t seed = 0;          // frame in which it was started
   std::vector<Pixel> pixel;  // consecutive frames
+  bool chained = true;       // from flow, whose errors go on from frame to frame
 
   int64_t end() const { return first + static_cast<int64_t>(pixel.size()); }
   bool Covers(int64_t t) const { return t >= first && t < end(); }

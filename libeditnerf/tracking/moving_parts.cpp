@@ -23,7 +23,9 @@ constexpr int64_t kMostFrames = 40;   // that a track counts for
 constexpr double kSurround = 20;      // pixels at 320 wide within which a pixel must be surrounded by its part
 constexpr double kWidestGap = 2.6;    // radians without a neighbour
 constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track
-constexpr float kTolerance = 0.01F;   // share of the distance
+constexpr int kAlignments = 4, kAlignedIterations = 80;  // slow drift of all frames is what is solved for at last
+constexpr double kAlignedPixels = 0.4;                   // standard deviation at 320 wide
+constexpr float kTolerance = 0.01F;                      // share of the distance
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
 
@@ -117,6 +119,21 @@ class Crowds {
   std::vector<bool> spent_;
 };
 
+// The part without the drift of chained flow. The first time its own drift bends what patches are expected to look
+// like.
+RigidPart Aligned(const Clip& clip, const RigidPart& part, const DepthRange& range, std::vector<FlowTrack>* tracks) {
+  PartSolverOptions options;
+  options.flow_pixels = kAlignedPixels;
+  options.iterations = kAlignedIterations;
+  PartFit fit(clip, *tracks, options, range);
+  fit.GoOn(part);
+  for (int round = 0; round < kAlignments; ++round) {
+    if (!fit.Align(tracks)) break;
+    if (!part.hinged) fit.Settle();
+  }
+  return fit.Finished();
+}
+
 // Whether neighbours lie on all sides.
 bool Surrounded(const Pixel& p, const std::vector<Pixel>& others, double reach) {
   std::vector<double> angles;
@@ -200,6 +217,7 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
     if (!again && part.weight >= kLeastWeight * heaviest) own.push_back(std::move(part));
   }
   found.parts = std::move(own);
+  for (MovingPart& part : found.parts) part.body = Aligned(clip, part.body, range, &found.tracks);
   return found;
 }
 

@@ -14,9 +14,10 @@ namespace editnerf {
 constexpr double kRobustPixels = 1.5;    // standard deviations from which a pixel counts for less
 constexpr double kTotalVariation = 0.3;  // standard deviations from which motion counts by its length
 
-// A track counts for a few pixels at most: its errors go on from frame to frame. Times a pixel's weight.
+// A chained track counts for a few pixels at most: its errors go on from frame to frame. Times a pixel's weight.
 inline double ShareOf(const FlowTrack& track) {
   constexpr double kIndependent = 8;
+  if (!track.chained) return 1;
   return std::sqrt(std::min(1.0, kIndependent / static_cast<double>(track.pixel.size())));
 }
 

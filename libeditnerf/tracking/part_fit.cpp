@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/percentile.h"
+#include "libeditnerf/tracking/part_alignment.h"
 #include "libeditnerf/tracking/part_hinge.h"
 #include "libeditnerf/tracking/part_reversal.h"
 #include "libeditnerf/tracking/part_scale.h"
@@ -308,6 +310,43 @@ std::optional<RigidPart> PartFit::OnBestHinge() const {
     best->hinged = true;
   }
   return best;
+}
+
+void PartFit::GoOn(const RigidPart& part) {
+  part_ = part;
+  options_.turns = part.turns;
+  placement_.resize(At(clip_.num_frames()));
+  UpdatePlacements();
+}
+
+bool PartFit::SolveAgain() {
+  if (!part_.hinged) return SolveAtLast();
+  const std::vector<PartPoint> rest = SetAside(kMostPoints);
+  const std::vector<int64_t> frames = SeenFrames(part_);
+  std::optional<Hinge> hinge = NearestHinge(part_, frames);
+  if (!hinge || !SolveHinge(clip_, tracks_, options_, frames, &*hinge, &part_)) return false;
+  UpdatePlacements();
+  return TakeBack(rest);
+}
+
+bool PartFit::Align(std::vector<FlowTrack>* tracks) {
+  const RigidPart before = part_;
+  std::vector<std::vector<FlowTrack>> aligned(part_.points.size());
+  ParallelFor(static_cast<int64_t>(aligned.size()), 4, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) aligned[At(i)] = AlignPoint(clip_, tracks_, part_, part_.points[At(i)]);
+  });
+  for (size_t i = 0; i < aligned.size(); ++i) {
+    if (aligned[i].empty()) continue;
+    part_.points[i].tracks.clear();
+    for (FlowTrack& track : aligned[i]) {
+      part_.points[i].tracks.push_back(tracks->size());
+      tracks->push_back(std::move(track));
+    }
+  }
+  if (SolveAgain()) return true;
+  part_ = before;
+  UpdatePlacements();
+  return false;
 }
 
 RigidPart PartFit::Finished() const {

@@ -25,6 +25,13 @@ class PartFit {
   // The given tracks, all of which cover the seed's frame, on a plane there that faces the camera.
   void Begin(const PartSeed& seed, const std::vector<size_t>& near);
 
+  // A part that was fitted before goes on from where it is, in its kind of motion: free, without turns, or on a hinge.
+  void GoOn(const RigidPart& part);
+
+  // Follows the points by their looks (part_alignment.h), along tracks that are appended to `tracks`, and solves again
+  // in the same kind of motion. False, and the part as it was, where too few points are left.
+  bool Align(std::vector<FlowTrack>* tracks);
+
   // Finds frame t's pose, beginning from that of frame `from`. False, and unknown as before, where too few follow.
   bool Extend(int64_t t, int64_t from);
 
@@ -87,6 +94,7 @@ class PartFit {
   Follow Following() const;
   bool FollowsLike(const Follow& other, double most_miss) const;  // with at most so many times its mean miss
   bool Solve(size_t most_points, int iterations);
+  bool SolveAgain();
   std::optional<RigidPart> OnBestHinge() const;
   std::vector<PartPoint> SetAside(size_t most_points);
   std::optional<double> SolvePoints(int iterations);

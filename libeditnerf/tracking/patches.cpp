@@ -8,17 +8,6 @@ namespace {
 
 constexpr double kLeastVariance = 1;  // grey levels squared: below it there is only noise
 
-// Bilinear; beyond the outer pixels' centres the edge goes on.
-double GreyAt(const torch::Tensor& gray, const Pixel& p) {
-  const int64_t height = gray.size(0), width = gray.size(1);
-  const double x = std::clamp(p.u - 0.5, 0.0, static_cast<double>(width - 1));
-  const double y = std::clamp(p.v - 0.5, 0.0, static_cast<double>(height - 1));
-  const auto column = std::min(static_cast<int64_t>(x), width - 2), row = std::min(static_cast<int64_t>(y), height - 2);
-  const double fx = x - static_cast<double>(column), fy = y - static_cast<double>(row);
-  const float* at = gray.data_ptr<float>() + row * width + column;
-  return (1 - fy) * ((1 - fx) * at[0] + fx * at[1]) + fy * ((1 - fx) * at[width] + fx * at[width + 1]);
-}
-
 // Of as many values each; 0 where one of them hardly varies.
 double Correlation(const std::vector<double>& a, const std::vector<double>& b) {
   double sum_a = 0, sum_b = 0, sum_aa = 0, sum_bb = 0, sum_ab = 0;
@@ -46,6 +35,16 @@ std::vector<double> GreysAt(const torch::Tensor& gray, const std::vector<Pixel>&
 }
 
 }  // namespace
+
+double GreyAt(const torch::Tensor& gray, const Pixel& p) {
+  const int64_t height = gray.size(0), width = gray.size(1);
+  const double x = std::clamp(p.u - 0.5, 0.0, static_cast<double>(width - 1));
+  const double y = std::clamp(p.v - 0.5, 0.0, static_cast<double>(height - 1));
+  const auto column = std::min(static_cast<int64_t>(x), width - 2), row = std::min(static_cast<int64_t>(y), height - 2);
+  const double fx = x - static_cast<double>(column), fy = y - static_cast<double>(row);
+  const float* at = gray.data_ptr<float>() + row * width + column;
+  return (1 - fy) * ((1 - fx) * at[0] + fx * at[1]) + fy * ((1 - fx) * at[width] + fx * at[width + 1]);
+}
 
 double PatchSimilarity(const torch::Tensor& gray_a, const Pixel& a, const torch::Tensor& gray_b, const Pixel& b,
                        int64_t radius) {

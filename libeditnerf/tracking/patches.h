@@ -10,6 +10,9 @@
 
 namespace editnerf {
 
+// Bilinear; beyond the outer pixels' centres the edge goes on. gray [H, W] float32 contiguous.
+double GreyAt(const torch::Tensor& gray, const Pixel& p);
+
 // Zero-mean normalised correlation of the patches around two positions, in [-1, 1]; 0 where a patch leaves its image.
 // A patch without texture has nothing to compare and scores 0. gray [H, W] float32 contiguous.
 double PatchSimilarity(const torch::Tensor& gray_a, const Pixel& a, const torch::Tensor& gray_b, const Pixel& b,
