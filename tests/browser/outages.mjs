@@ -1,0 +1,31 @@
+// What goes wrong around the page: files that vanish, servers that end and come back, addresses without the token.
+import { cpSync, rmSync } from 'node:fs';
+import { check } from './desk.mjs';
+
+export async function outages({ tab, server, openTab }) {
+  const { page } = tab;
+  await tab.still();
+  const kept = `${server.run}-kept`;
+  cpSync(server.run, kept, { recursive: true });
+  rmSync(server.run, { recursive: true });
+  const handle = await tab.centerOf('.handle');
+  await tab.drag([handle, [handle[0] + 25, handle[1] - 15]]);
+  check(await page.isHidden('#gone'), 'a run folder that was deleted is not missed');
+
+  await tab.still();
+  const placed = await tab.text('points');
+  const { port } = new URL(server.url);
+  check((await server.end()) === 0, 'Ctrl-C ends the server with 0');
+  await page.waitForSelector('#gone:not([hidden])');
+  await tab.shot('gone');
+  await server.start({ run: kept, port });
+  await tab.until(() => document.getElementById('gone').textContent.includes('started anew'));
+  await tab.still();
+  check((await tab.text('points')) === placed, 'after a restart the page puts key points back, and says so');
+  tab.problems.length = 0; // of requests that nobody answered
+
+  const stranger = await openTab();
+  await stranger.page.goto(server.url.replace(/token=./, 'token='));
+  check((await stranger.page.textContent('body')).includes('token is wrong'), 'without the token there is no page');
+  await stranger.page.close();
+}
