@@ -124,6 +124,9 @@ export class Tab {
   }
 
   async shot(name) {
-    if (this.shots) await this.page.screenshot({ path: join(this.shots, `${name}.png`) });
+    if (!this.shots) return;
+    const known = this.problems.length;
+    await this.page.screenshot({ path: join(this.shots, `${name}.png`) });
+    this.problems.length = known; // Playwright adds a style, which the page's policy forbids, and Firefox reports
   }
 }
