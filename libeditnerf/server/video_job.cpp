@@ -90,7 +90,10 @@ void VideoJob::Render(const EditFile& edit) {
         [&](const std::function<bool()>&) { picture = renderer_.Render(request, [this] { return cancel_.load(); }); });
     if (!picture.defined()) cancel_ = true;
     if (cancel_) return;
-    if (!video) video = std::make_unique<VideoWriter>(path(), picture.size(1), picture.size(0), edit.fps);
+    if (!video) {
+      folder_.Restore();
+      video = std::make_unique<VideoWriter>(path(), picture.size(1), picture.size(0), edit.fps);
+    }
     video->Write(picture);
     const std::lock_guard<std::mutex> lock(mutex_);
     status_.done = static_cast<int64_t>(i + 1);

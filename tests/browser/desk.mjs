@@ -2,7 +2,7 @@
 import { spawn } from 'node:child_process';
 import { cpSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
-import { join } from 'node:path';
+import { basename, join, resolve } from 'node:path';
 
 export const pause = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
 
@@ -18,7 +18,7 @@ export class Server {
   constructor(program, run) {
     this.program = program;
     this.scratch = mkdtempSync(join(tmpdir(), 'enf-browser-test-'));
-    this.run = join(this.scratch, 'run');
+    this.run = join(this.scratch, basename(resolve(run)));
     this.temporary = join(this.scratch, 'temporary');
     cpSync(run, this.run, { recursive: true });
     mkdirSync(this.temporary);
