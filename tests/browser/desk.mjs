@@ -94,11 +94,13 @@ export class Tab {
     });
   }
 
-  // The picture of a state that rests: the same twice in a row, half a second apart.
+  // The picture of a state that rests: as wide as one that is no preview, and the same twice in a row, half a second
+  // apart.
   async still() {
+    const width = await this.page.inputValue('#still-width');
     for (let last = ''; ; await pause(500)) {
       const now = await this.picture();
-      if (now === last) return now;
+      if (now === last && now.startsWith(`${width}x`)) return now;
       last = now;
     }
   }

@@ -13,12 +13,13 @@ import { anyFailed, check, Server, Tab } from './desk.mjs';
 import { dragging, measure } from './dragging.mjs';
 import { editing } from './editing.mjs';
 import { keyboard } from './keyboard.mjs';
+import { locality } from './locality.mjs';
 import { look } from './look.mjs';
 import { motion } from './motion.mjs';
 import { outages } from './outages.mjs';
 import { trail } from './trail.mjs';
 
-const SUBJECTS = { editing, keyboard, look, motion, trail, dragging, outages };
+const SUBJECTS = { editing, locality, keyboard, look, motion, trail, dragging, outages };
 
 const [name, program, run, ...flags] = process.argv.slice(2);
 if (!run) {

@@ -4,8 +4,6 @@
 #include <httplib.h>
 
 #include <chrono>
-#include <cstdlib>
-#include <filesystem>
 #include <thread>
 
 #include "libeditnerf/base/error.h"
@@ -152,12 +150,4 @@ TEST_CASE("a port that is taken is a mistake of the command line") {
   options.token = "secret";
   options.port = desk.server().port();
   CHECK_THROWS_AS(EditorServer(FixtureRun(), options), ConfigError);
-}
-
-// Hidden: run by name, with the folder in the environment, before tests/browser.
-TEST_CASE("a run for the browser", "[.][browser-run]") {
-  const char* const folder = std::getenv("EDITNERF_BROWSER_RUN");
-  REQUIRE(folder != nullptr);
-  SaveRun(FixtureRun(), folder);
-  WriteMovingPatch(std::filesystem::path(folder) / "clip.mp4", 8);
 }
