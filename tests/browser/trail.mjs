@@ -62,7 +62,7 @@ export async function trail({ tab, server }) {
   await page.click('#video');
   await tab.until(() => !document.getElementById('video-file').hidden, null, 120);
   const file = await download(page, '#video-file', server.scratch);
-  check(file.endsWith('edited.mp4'), 'the recorded trail becomes a video');
+  check(/edited.*\.mp4$/.test(file), 'the recorded trail becomes a video'); // Firefox numbers names that it has had
   const frames = decode(file);
   if (frames) {
     const [w, h] = (await tab.picture()).split(':')[0].split('x').map(Number);
@@ -73,7 +73,7 @@ export async function trail({ tab, server }) {
     const shown = await greyPicture(page, height);
     const [toFirst, toLast] = [meanDifference(shown, first), meanDifference(shown, last)];
     check(toLast < 4, `its last frame is the picture on screen, but for ${toLast.toFixed(2)} of 255 grey values`);
-    check(toFirst > 1.2 * toLast, `its first one is another: ${toFirst.toFixed(2)} grey values away`);
+    check(toFirst > 2 * toLast, `its first one is another: ${toFirst.toFixed(2)} grey values away`);
   } else {
     console.log('passed over: there is no ffmpeg to decode the video');
   }
