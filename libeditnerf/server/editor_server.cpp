@@ -203,7 +203,7 @@ void EditorServer::Impl::AddGuards() {
   });
   http.set_exception_handler([](const httplib::Request&, httplib::Response& response, std::exception_ptr error) {
     try {
-      std::rethrow_exception(error);
+      std::rethrow_exception(std::move(error));
     } catch (const DataError& mistake) {
       AnswerError(mistake.what(), 400, &response);
     } catch (const Json::exception& mistake) {

@@ -125,6 +125,12 @@ export class Tab {
     return keys.reduce((before, key) => before.then(() => this.page.keyboard.press(key)), Promise.resolve());
   }
 
+  // What the page saves when `act` is done, as { name, path }. Firefox numbers names that it has had.
+  async download(act) {
+    const [file] = await Promise.all([this.page.waitForEvent('download'), act()]);
+    return { name: file.suggestedFilename().replace(/\(\d+\)/, ''), path: await file.path() };
+  }
+
   async shot(name) {
     if (!this.shots) return;
     const known = this.problems.length;

@@ -163,8 +163,8 @@ async function makeVideo(tab) {
   check(true, 'Render video hands the focus to Cancel, and that hands it back');
   await tab.key('Enter');
   await tab.until(() => document.activeElement.id === 'video-file', null, 120);
-  const [file] = await Promise.all([tab.page.waitForEvent('download'), tab.key('Enter')]);
-  check(file.suggestedFilename() === 'edited.mp4', 'Enter saves the video that was made');
+  const { name } = await tab.download(() => tab.key('Enter'));
+  check(name === 'edited.mp4', `Enter saves the video that was made as ${name}`);
 }
 
 async function dialogs(tab) {

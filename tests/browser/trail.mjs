@@ -1,7 +1,6 @@
 // A trail is recorded, handed out, and becomes a video that other programs can read.
 import { spawnSync } from 'node:child_process';
 import { readFileSync } from 'node:fs';
-import { join } from 'node:path';
 import { check } from './desk.mjs';
 
 const WIDTH = 320;
@@ -34,14 +33,7 @@ function greyPicture(page, height) {
   );
 }
 
-async function download(page, selector, folder) {
-  const [file] = await Promise.all([page.waitForEvent('download'), page.click(selector)]);
-  const path = join(folder, file.suggestedFilename());
-  await file.saveAs(path);
-  return path;
-}
-
-export async function trail({ tab, server }) {
+export async function trail({ tab }) {
   const { page } = tab;
   await tab.still();
   const [x, y] = await tab.centerOf('.handle');
@@ -55,15 +47,16 @@ export async function trail({ tab, server }) {
   await tab.still();
   await tab.shot('trail');
 
-  const edit = JSON.parse(readFileSync(await download(page, '#download-edit', server.scratch), 'utf8'));
+  const { path } = await tab.download(() => page.click('#download-edit'));
+  const edit = JSON.parse(readFileSync(path, 'utf8'));
   check(edit.frames.length > 2, `the trail is handed out as an edit file of ${edit.frames.length} frames`);
 
   await page.selectOption('#video-width', String(WIDTH));
   await page.click('#video');
   await tab.until(() => !document.getElementById('video-file').hidden, null, 120);
-  const file = await download(page, '#video-file', server.scratch);
-  check(/edited.*\.mp4$/.test(file), 'the recorded trail becomes a video'); // Firefox numbers names that it has had
-  const frames = decode(file);
+  const video = await tab.download(() => page.click('#video-file'));
+  check(video.name === 'edited.mp4', `the recorded trail becomes a video, saved as ${video.name}`);
+  const frames = decode(video.path);
   if (frames) {
     const [w, h] = (await tab.picture()).split(':')[0].split('x').map(Number);
     const height = 2 * Math.round((WIDTH * h) / w / 2);
