@@ -42,6 +42,9 @@ int main(int argc, char** argv) {
         app.add_option("--frames", options.frames, "training frames")->capture_default_str();
         app.add_option("--val-frames", options.val_frames, "known states from new cameras")->capture_default_str();
         app.add_option("--edit-frames", options.edit_frames, "states that training never shows")->capture_default_str();
+        app.add_option("--slide-frames", options.slide_frames,
+                       "and states of one part on a straight line, by one camera")
+            ->capture_default_str();
         app.add_option("--size", size, "WIDTHxHEIGHT in pixels")->capture_default_str();
         app.add_option("--samples", options.samples_per_side, "antialiasing samples per pixel side")
             ->capture_default_str();

@@ -2,6 +2,15 @@
 
 const element = (id) => document.getElementById(id);
 
+// Runs `change`. Where that puts the control that has the focus out of use, the first of these that can be used gets
+// it, so that who uses the keyboard does not begin at the top again.
+function keepFocus(ids, change) {
+  const before = document.activeElement;
+  const usable = (control) => !control.disabled && !control.hidden;
+  change();
+  if (ids.includes(before?.id) && !usable(before)) ids.map(element).find(usable)?.focus();
+}
+
 const editor = {
   scene: null,
   state: null,
@@ -81,8 +90,10 @@ function restore() {
 
 function draw() {
   const { state, scene } = editor;
-  element('undo').disabled = !state.can_undo;
-  element('redo').disabled = !state.can_redo;
+  keepFocus(['undo', 'redo', 'reset-all'], () => {
+    element('undo').disabled = !state.can_undo;
+    element('redo').disabled = !state.can_redo;
+  });
   element('motion').value = state.row;
   element('motion-at').textContent = `${state.row + 1} / ${scene.training_frames.length}`;
   element('capture').value = state.capture_camera;
@@ -114,13 +125,19 @@ function buildPoints() {
       const name = make('button', {
         className: 'name',
         textContent: `Key point ${n + 1}`,
-        title: 'Select it; Shift+click selects several',
+        title: 'Select it; Shift+click or Shift+Enter selects several',
       });
-      name.onclick = (event) => {
-        const chosen = new Set(event.shiftKey ? editor.selected : []);
+      const choose = (several) => {
+        const chosen = new Set(several ? editor.selected : []);
         if (!chosen.delete(n)) chosen.add(n);
         editor.select(chosen);
-        stage.handles[n].focus();
+        if (chosen.has(n)) stage.handles[n].focus();
+      };
+      name.onclick = (event) => choose(event.shiftKey);
+      name.onkeydown = (event) => {
+        if (event.key !== 'Enter' || !event.shiftKey) return;
+        event.preventDefault(); // of the click, which in Firefox does not know of Shift
+        choose(true);
       };
       return make(
         'li',
@@ -180,10 +197,17 @@ function fillSelects() {
   const widths = [...new Set([320, 480, 640, 960, 1280, own])]
     .filter((width) => width <= Math.max(1920, own))
     .sort((a, b) => a - b);
-  const named = widths.map((width) => [width, width === own ? `${width} (filmed)` : width]);
   link.stillWidth = Math.min(own, 960);
-  options('still-width', named, link.stillWidth);
-  options('video-width', named, own);
+  options(
+    'still-width',
+    widths.map((width) => [width, width === own ? `${width} (filmed)` : width]),
+    link.stillWidth,
+  );
+  options(
+    'video-width',
+    widths.map((width) => [width, width]),
+    own,
+  );
   element('motion').max = scene.training_frames.length - 1;
 }
 

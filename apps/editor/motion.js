@@ -68,7 +68,7 @@ class Motion {
     for (let offset = 0; offset === 0 || offset < file.size; offset += PIECE) {
       this.showProgress(offset, file.size);
       const last = offset + PIECE >= file.size ? 1 : 0;
-      answer = await ask(addressOf('api/motion/video', { offset, last }), {
+      answer = await ask(addressOf('api/motion/video', { offset, size: file.size, last }), {
         method: 'POST',
         bytes: file.slice(offset, offset + PIECE),
       });

@@ -126,14 +126,19 @@ class Overview {
     Object.assign(drag, { x: event.clientX, y: event.clientY, far: drag.far + Math.hypot(dx, dy) });
     if (drag.far < 3) return;
     if (drag.own) {
-      this.yaw -= dx * 0.01;
-      this.pitch = Math.min(1.5, Math.max(-1.5, this.pitch + dy * 0.01));
-      this.draw();
+      this.turn(-dx * 0.01, dy * 0.01);
     } else if (drag.sideways) {
       editor.send([{ do: 'pan', u: dx, v: dy }], event.timeStamp);
     } else {
       editor.send([{ do: 'orbit', right: -dx * 0.008, over: dy * 0.008 }], event.timeStamp);
     }
+  }
+
+  // The overview itself, by radians.
+  turn(right, over) {
+    this.yaw += right;
+    this.pitch = Math.min(1.5, Math.max(-1.5, this.pitch + over));
+    this.draw();
   }
 
   end(event) {
@@ -153,7 +158,8 @@ class Overview {
   key(event) {
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     const arrow = arrows[event.key];
-    if (arrow && event.shiftKey) this.editor.send([{ do: 'pan', u: -4 * arrow[0], v: 4 * arrow[1] }], event.timeStamp);
+    if (arrow && event.ctrlKey) this.turn(0.1 * arrow[0], 0.1 * arrow[1]);
+    else if (arrow && event.shiftKey) this.editor.send([{ do: 'pan', u: -4 * arrow[0], v: 4 * arrow[1] }], event.timeStamp);
     else if (arrow) this.editor.send([{ do: 'orbit', right: 0.03 * arrow[0], over: 0.03 * arrow[1] }], event.timeStamp);
     else if (event.key === '+' || event.key === '=')
       this.editor.send([{ do: 'zoom', factor: 1 / 1.06 }], event.timeStamp);

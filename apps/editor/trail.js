@@ -110,12 +110,15 @@ class Trail {
     this.part.record.setAttribute('aria-pressed', Boolean(this.recording));
     this.part.record.textContent = this.recording ? '\u25a0 Stop' : '\u25cf Record';
     this.part['trail-time'].max = duration;
-    for (const id of ['trail-time', 'trail-play', 'trail-clear'])
-      this.part[id].disabled = !some || Boolean(this.recording);
-    this.part['key-frame'].disabled = Boolean(this.recording);
+    keepFocus(['trail-time', 'trail-play', 'trail-clear', 'key-frame', 'record'], () => {
+      for (const id of ['trail-time', 'trail-play', 'trail-clear'])
+        this.part[id].disabled = !some || Boolean(this.recording);
+      this.part['key-frame'].disabled = Boolean(this.recording);
+    });
     this.part.video.disabled = !some || Boolean(this.recording) || this.rendering;
     this.part['download-edit'].setAttribute('aria-disabled', !some);
-    this.part['download-edit'].href = some ? addressOf('api/trail', { fps: this.part.fps.value }) : '#';
+    if (some) this.part['download-edit'].href = addressOf('api/trail', { fps: this.part.fps.value });
+    else this.part['download-edit'].removeAttribute('href'); // nor can it have the focus
     this.drawTime();
     const { ticks } = this.part;
     ticks.width = ticks.clientWidth * devicePixelRatio;
@@ -151,14 +154,16 @@ class Trail {
       const status = await ask('api/video');
       this.rendering = status.state === 'running';
       const { part } = this;
-      part['video-progress'].hidden = part['video-cancel'].hidden = !this.rendering;
       part['video-progress'].max = Math.max(status.total, 1);
       part['video-progress'].value = status.done;
       part['video-progress'].textContent = `${status.done} of ${status.total}`;
-      part['video-file'].hidden = status.state !== 'done';
       part['video-file'].href = addressOf('api/video/file');
-      part.video.hidden = this.rendering;
-      if (this.editor.state) part.video.disabled = !this.trail.times.length || Boolean(this.recording);
+      keepFocus(['video-cancel', 'video-file', 'video', 'record'], () => {
+        part['video-progress'].hidden = part['video-cancel'].hidden = !this.rendering;
+        part['video-file'].hidden = status.state !== 'done';
+        part.video.hidden = this.rendering;
+        if (this.editor.state) part.video.disabled = !this.trail.times.length || Boolean(this.recording);
+      });
       if (status.state === 'failed' && this.told !== status.message) this.editor.say((this.told = status.message));
     } catch (error) {
       if (!this.link.isGone && !this.link.busy) this.link.lose(error);

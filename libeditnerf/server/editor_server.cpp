@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <filesystem>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -202,7 +203,7 @@ void EditorServer::Impl::AddGuards() {
   });
   http.set_exception_handler([](const httplib::Request&, httplib::Response& response, std::exception_ptr error) {
     try {
-      std::rethrow_exception(error);
+      std::rethrow_exception(std::move(error));
     } catch (const DataError& mistake) {
       AnswerError(mistake.what(), 400, &response);
     } catch (const Json::exception& mistake) {
@@ -270,6 +271,9 @@ void EditorServer::Impl::AddVideoRoutes() {
     if (video.Status().state != VideoStatus::State::kDone) {
       return AnswerError("no video is ready", 409, &response);
     }
+    if (!std::filesystem::exists(video.path())) {
+      return AnswerError("the video was deleted from the temporary folder; render it again", 410, &response);
+    }
     response.set_header("Content-Disposition", "attachment; filename=\"edited.mp4\"");
     response.set_content(ReadFile(video.path()), "video/mp4");
   });
@@ -278,7 +282,7 @@ void EditorServer::Impl::AddVideoRoutes() {
 void EditorServer::Impl::AddMotionRoutes() {
   http.Post("/api/motion/video", [this](const httplib::Request& request, httplib::Response& response) {
     const auto motion = tabs.MotionOf(request.get_param_value("tab"));
-    motion->Receive(WholeNumber(request, "offset"), request.body);
+    motion->Receive(WholeNumber(request, "offset"), WholeNumber(request, "size"), request.body);
     if (WholeNumber(request, "last") == 0) return Answer(Json::object(), &response);
     const torch::Tensor frame = motion->FirstFrame();
     Answer(

@@ -11,14 +11,14 @@
 //   GET    api/video           {"state", "done", "total", "message"}
 //   DELETE api/video           cancels it
 //   GET    api/video/file      the MP4
-//   POST   api/motion/video    ?tab, offset, last (0 or 1): a piece of the video that is to drive a key point, as
-//   bytes;
-//                              the last one -> {"width", "height", "picture"}, its first frame
+//   POST   api/motion/video    ?tab, offset, size (of the whole), last (0 or 1): bytes of the video that is to drive a
+//                              key point; the last piece -> {"width", "height", "picture"}, its first frame
 //   POST   api/motion          {"tab", "u", "v", "key_point", "reversed", "axes"}: follows the point in the background
 //   GET    api/motion          ?tab -> {"state", "done", "total", "message", "track", "path", "fps", "farthest"}
 //
 // Every request needs the token (server/request_guard.h): ?token= or the header X-Editor-Token. Mistakes are answered
-// with {"error": message}: 400 malformed, 403 refused, 404 unknown, 409 not now, 413 more than 1 MiB.
+// with {"error": message}: 400 malformed, 403 refused, 404 unknown, 409 not now, 410 deleted meanwhile,
+// 413 more than 1 MiB.
 // Each tab has an edit session of its own; all share one thread that renders.
 #pragma once
 

@@ -19,14 +19,16 @@ MotionJob::MotionJob(std::shared_ptr<const EditableScene> scene)
 
 MotionJob::~MotionJob() { Cancel(); }
 
-void MotionJob::Receive(int64_t offset, const std::string& bytes) {
+void MotionJob::Receive(int64_t offset, int64_t size, const std::string& bytes) {
   const std::lock_guard<std::mutex> use(use_);
+  const int64_t end = offset + static_cast<int64_t>(bytes.size());
+  if (std::max(size, end) > kMaxBytes) {
+    Throw<DataError>("video: it has {} MiB, and at most {} can be sent; shorten it, or make it smaller",
+                     (std::max(size, end) + (1 << 20) - 1) >> 20, kMaxBytes >> 20);
+  }
   if (offset != 0 && offset != received_) {
     Throw<DataError>("video: expected the piece at byte {}, found the one at {}; choose the file again", received_,
                      offset);
-  }
-  if (offset + static_cast<int64_t>(bytes.size()) > kMaxBytes) {
-    Throw<DataError>("video: it is larger than {} MiB; shorten it, or make it smaller", kMaxBytes >> 20);
   }
   if (worker_.joinable()) {
     cancel_ = true;
@@ -36,10 +38,14 @@ void MotionJob::Receive(int64_t offset, const std::string& bytes) {
     const std::lock_guard<std::mutex> lock(mutex_);
     status_ = {};
   }
+  if (offset == 0) folder_.Restore();
   std::ofstream file(video_, std::ios::binary | (offset == 0 ? std::ios::trunc : std::ios::app));
   file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  if (!file.flush()) Throw<DataError>("video: it cannot be kept; is the disk full?");
-  received_ = offset + static_cast<int64_t>(bytes.size());
+  if (!file.flush()) {
+    Throw<DataError>(
+        "video: it cannot be kept; choose it again. Is the disk full, or was the temporary folder deleted?");
+  }
+  received_ = end;
 }
 
 torch::Tensor MotionJob::FirstFrame() const {

@@ -34,9 +34,10 @@ class MotionJob {
   explicit MotionJob(std::shared_ptr<const EditableScene> scene);  // makes a temporary folder, which goes with it
   ~MotionJob();
 
-  // A piece of the video's file, pieces in order; one at 0 begins a new video. Throws DataError for a piece that does
-  // not follow the last one, and beyond kMaxBytes.
-  void Receive(int64_t offset, const std::string& bytes);
+  // A piece of the video's file, which has `size` bytes in all; pieces in order, one at 0 begins a new video. Throws
+  // DataError for a piece that does not follow the last one, and for more than kMaxBytes, at the first piece if it is
+  // honest.
+  void Receive(int64_t offset, int64_t size, const std::string& bytes);
   torch::Tensor FirstFrame() const;  // throws DataError where what was received is not a video
 
   // The last motion is forgotten. What goes wrong while following is in the status. Throws DataError for a key point

@@ -12,6 +12,10 @@ class TemporaryFolder {
   TemporaryFolder(const TemporaryFolder&) = delete;
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;
 
+  // Made anew, empty, where it was deleted meanwhile, as systems do that clean up what is old. Throws DataError where
+  // that cannot be done.
+  void Restore() const;
+
   std::filesystem::path operator/(const char* name) const { return path_ / name; }
 
  private:

@@ -85,10 +85,15 @@ void VideoJob::Render(const EditFile& edit) {
   std::unique_ptr<VideoWriter> video;
   for (size_t i = 0; i < job.frames.size() && !cancel_; ++i) {
     const PictureRequest request = RequestOf(job.frames[i], RowOf(renderer_.run().scene, edit.frames[i].code_frame));
-    torch::Tensor picture;
-    if (!thread_.RunBehind([&](const std::function<bool()>&) { picture = renderer_.Render(request); })) cancel_ = true;
+    torch::Tensor picture;  // undefined where Cancel was called, or the thread ends
+    thread_.RunBehind(
+        [&](const std::function<bool()>&) { picture = renderer_.Render(request, [this] { return cancel_.load(); }); });
+    if (!picture.defined()) cancel_ = true;
     if (cancel_) return;
-    if (!video) video = std::make_unique<VideoWriter>(path(), picture.size(1), picture.size(0), edit.fps);
+    if (!video) {
+      folder_.Restore();
+      video = std::make_unique<VideoWriter>(path(), picture.size(1), picture.size(0), edit.fps);
+    }
     video->Write(picture);
     const std::lock_guard<std::mutex> lock(mutex_);
     status_.done = static_cast<int64_t>(i + 1);

@@ -169,6 +169,31 @@ TEST_CASE("synthetic edit frames show states that training never showed, within 
   }
 }
 
+TEST_CASE("a slide takes one part along a straight line that it never went, before one camera") {
+  SyntheticOptions options;
+  options.frames = 16;
+  options.val_frames = options.edit_frames = 0;
+  options.slide_frames = 3;
+  options.width = 16;
+  options.height = 9;
+  options.samples_per_side = 1;
+  const Scene scene = MakeSyntheticScene("cups", options);
+  REQUIRE(scene.edit.size() == 3);
+  const auto poses = scene.truth->scene_from_object;
+  const auto train = poses.slice(0, 0, 16), slide = poses.slice(0, 16);
+  // Equal steps of the first cup, and the other one rests.
+  const auto steps = slide.slice(0, 1).sub(slide.slice(0, 0, 2)).select(1, 0);
+  CHECK(steps.abs().max().item<double>() > 0.01);
+  CHECK(torch::allclose(steps[0], steps[1], 0, 1e-9));
+  CHECK(slide.select(1, 1).sub(slide[0][1]).abs().max().item<double>() == 0);
+  CHECK((train.select(1, 0) - slide[1][0]).abs().flatten(1).amax(1).min().item<double>() > 0.01);
+  for (const int64_t index : scene.edit) {
+    const Camera& camera = scene.frames[static_cast<size_t>(index)].camera;
+    CHECK(camera.position.x == scene.frames[16].camera.position.x);
+    CHECK(camera.position.z == scene.frames[16].camera.position.z);
+  }
+}
+
 TEST_CASE("synthetic depth lies along the rays of the pixel centres, between near and far") {
   for (const std::string& name : SyntheticSceneNames()) {
     INFO(name);

@@ -3,8 +3,7 @@
 
 #include <httplib.h>
 
-#include <atomic>
-#include <cstdlib>
+#include <chrono>
 #include <thread>
 
 #include "libeditnerf/base/error.h"
@@ -14,58 +13,11 @@
 #include "tests/editing/editable_fixture.h"
 #include "tests/editing/moving_patch.h"
 #include "tests/imaging/scratch_folder.h"
+#include "tests/server/editor_desk.h"
 
 using namespace editnerf;
 
 namespace {
-
-class Desk {
- public:
-  Desk() : server_(FixtureRun(), Options()), thread_([this] { server_.Serve([this] { return stop_.load(); }); }) {}
-  ~Desk() {
-    stop_ = true;
-    thread_.join();
-  }
-
-  httplib::Client Client(const std::string& token = "secret") const {
-    httplib::Client client("127.0.0.1", server_.port());
-    client.set_default_headers({{"X-Editor-Token", token}});
-    client.set_read_timeout(60);
-    return client;
-  }
-
-  // The answer to POST api/edit, which must succeed.
-  Json Edit(const Json& operations, const std::string& tab = "a") const {
-    const Json body = {{"tab", tab}, {"operations", operations}, {"picture", {{"width", 32}}}};
-    const auto answer = Client().Post("/api/edit", body.dump(), "application/json");
-    REQUIRE(answer);
-    INFO(answer->body);
-    REQUIRE(answer->status == 200);
-    return Json::parse(answer->body);
-  }
-
-  EditorServer& server() { return server_; }
-
- private:
-  static EditorServerOptions Options() {
-    EditorServerOptions options;
-    options.token = "secret";
-    options.page = "<script nonce=\"{{nonce}}\"></script>";
-    options.title = "fixture";
-    return options;
-  }
-
-  EditorServer server_;
-  std::atomic<bool> stop_{false};
-  std::thread thread_;
-};
-
-std::string ErrorOf(const httplib::Result& answer, int status) {
-  REQUIRE(answer);
-  INFO(answer->body);
-  CHECK(answer->status == status);
-  return Json::parse(answer->body).at("error");
-}
 
 Json Move(double u, double v) { return {{"do", "move"}, {"key_point", 0}, {"u", u}, {"v", v}}; }
 
@@ -152,15 +104,16 @@ TEST_CASE("a video is brought in pieces, and its motion drives a key point") {
   const auto piece = [&](const std::string& where, const std::string& body) {
     return client.Post("/api/motion/video?tab=a&" + where, body, "application/octet-stream");
   };
+  const std::string size = "&size=" + std::to_string(bytes.size());
   const std::string follow = R"({"tab": "a", "u": 40, "v": 40, "key_point": 0, "axes": 1})";
   CHECK_THAT(ErrorOf(client.Post("/api/motion", follow, "application/json"), 400), HasText("there is none yet"));
-  CHECK_THAT(ErrorOf(piece("offset=x&last=0", ""), 400), HasText("offset: expected a whole number, found 'x'"));
-  CHECK_THAT(ErrorOf(piece("offset=7&last=0", "late"), 400),
+  CHECK_THAT(ErrorOf(piece("offset=x&size=9&last=0", ""), 400), HasText("offset: expected a whole number, found 'x'"));
+  CHECK_THAT(ErrorOf(piece("offset=7&size=9&last=0", "late"), 400),
              HasText("expected the piece at byte 0, found the one at 7"));
-  CHECK_THAT(ErrorOf(piece("offset=0&last=1", "no video"), 400), HasText("cannot be read as a video"));
-  CHECK_THAT(ErrorOf(piece("offset=0&last=0", std::string(2 << 20, 'x')), 413), HasText("larger than 1 MiB"));
-  REQUIRE(piece("offset=0&last=0", bytes.substr(0, 1000))->status == 200);
-  const Json frame = Json::parse(piece("offset=1000&last=1", bytes.substr(1000))->body);
+  CHECK_THAT(ErrorOf(piece("offset=0&size=8&last=1", "no video"), 400), HasText("cannot be read as a video"));
+  CHECK_THAT(ErrorOf(piece("offset=0&size=9&last=0", std::string(2 << 20, 'x')), 413), HasText("larger than 1 MiB"));
+  REQUIRE(piece("offset=0&last=0" + size, bytes.substr(0, 1000))->status == 200);
+  const Json frame = Json::parse(piece("offset=1000&last=1" + size, bytes.substr(1000))->body);
   CHECK(frame["width"] == 128);
   CHECK(frame["height"] == 96);
   const auto motion = [&](const std::string& wish) {
@@ -197,12 +150,4 @@ TEST_CASE("a port that is taken is a mistake of the command line") {
   options.token = "secret";
   options.port = desk.server().port();
   CHECK_THROWS_AS(EditorServer(FixtureRun(), options), ConfigError);
-}
-
-// Hidden: run by name, with the folder in the environment, before tests/browser.
-TEST_CASE("a run for the browser", "[.][browser-run]") {
-  const char* const folder = std::getenv("EDITNERF_BROWSER_RUN");
-  REQUIRE(folder != nullptr);
-  SaveRun(FixtureRun(), folder);
-  WriteMovingPatch(std::filesystem::path(folder) / "clip.mp4", 8);
 }

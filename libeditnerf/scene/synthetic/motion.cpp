@@ -75,6 +75,32 @@ std::vector<State> UnseenStates(const std::vector<State>& visited, const std::ve
   return chosen;
 }
 
+std::vector<State> SlidingStates(const std::vector<State>& visited, const std::vector<Track>& tracks, int64_t count) {
+  const size_t size = tracks.front().front().state.size();  // of the first part's own parameters
+  const auto part = [&](const State& state) { return State(state.begin(), state.begin() + static_cast<long>(size)); };
+  const auto between = [&](const State& from, const State& to, double blend) {
+    State state = from;
+    for (size_t i = 0; i < size; ++i) state[i] += blend * (to[i] - from[i]);
+    return state;
+  };
+  std::vector<State> parts;
+  parts.reserve(visited.size());
+  for (const State& state : visited) parts.push_back(part(state));
+  size_t from = 0, to = 0;
+  double farthest = -1;
+  for (size_t a = 0; a < parts.size(); ++a) {
+    for (size_t b = a + 1; b < parts.size(); ++b) {
+      const double distance = NearestDistance(between(parts[a], parts[b], 0.5), parts);
+      if (distance > farthest) farthest = distance, from = a, to = b;
+    }
+  }
+  std::vector<State> states;
+  for (int64_t k = 1; k <= count; ++k) {
+    states.push_back(between(visited[from], visited[to], static_cast<double>(k) / static_cast<double>(count + 1)));
+  }
+  return states;
+}
+
 double StateDistance(const State& a, const State& b) {
   double sum = 0;
   for (size_t i = 0; i < a.size(); ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);

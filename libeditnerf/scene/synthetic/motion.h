@@ -26,6 +26,11 @@ State StateAt(const std::vector<Track>& tracks, double time);
 std::vector<State> UnseenStates(const std::vector<State>& visited, const std::vector<Track>& tracks, int64_t count,
                                 uint64_t seed);
 
+// `count` states at equal steps of the first track's part on a straight line that it never went: between those two of
+// its visited states whose middle is farthest from all it visited. Everything else stays as it is in the first of the
+// two.
+std::vector<State> SlidingStates(const std::vector<State>& visited, const std::vector<Track>& tracks, int64_t count);
+
 // Euclidean.
 double StateDistance(const State& a, const State& b);
 

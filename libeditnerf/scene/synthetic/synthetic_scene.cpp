@@ -44,6 +44,7 @@ void CheckOptions(const SyntheticOptions& options) {
   within("frames", options.frames, 2, 100000);
   within("val_frames", options.val_frames, 0, 100000);
   within("edit_frames", options.edit_frames, 0, 1000);
+  within("slide_frames", options.slide_frames, 0, 1000);
   within("width", options.width, 8, 8192);
   within("height", options.height, 8, 8192);
   within("samples_per_side", options.samples_per_side, 1, 16);
@@ -73,6 +74,10 @@ std::vector<Shot> PlanShots(const Play& play, const SyntheticOptions& options) {
   for (size_t k = 0; k < unseen.size(); ++k) {
     const double time = (static_cast<double>(k) + 0.5) / static_cast<double>(unseen.size());
     shots.push_back({unseen[k], NovelCamera(path, time, kEditCameras + k), -1});
+  }
+  const Camera resting = NovelCamera(path, 0.5, kEditCameras + unseen.size());
+  for (const State& state : SlidingStates(visited, play.tracks, options.slide_frames)) {
+    shots.push_back({state, resting, -1});
   }
   return shots;
 }

@@ -14,6 +14,7 @@ struct SyntheticOptions {
   int64_t frames = 120;               // training frames, >= 2: one monocular sequence in time order
   int64_t val_frames = 16;            // object states of training frames, seen from new cameras
   int64_t edit_frames = 16;           // object states that no training frame shows; none in a scene where nothing moves
+  int64_t slide_frames = 0;           // edit frames as well, the last ones: one part on a line, seen by one camera
   int64_t width = 320, height = 180;  // pixels, >= 8
   int64_t samples_per_side = 4;       // antialiasing grid per pixel side, 1..16; flat pixels take fewer
   uint64_t seed = 0;                  // of the camera's wandering, the edits and the shadows' noise
