@@ -17,7 +17,8 @@
 namespace editnerf {
 namespace {
 
-constexpr int64_t kPoints = 64, kFrames = 16, kAnchors = 8;
+constexpr int64_t kPoints = 64, kFrames = 16;
+constexpr size_t kAnchors = 8;  // of a track, as the network takes them
 constexpr double kPrior = 8;
 using Complex = std::complex<Real>;
 using Layer = std::vector<Complex>;
@@ -105,7 +106,8 @@ Layer Logits(const Network& network, const std::array<Complex, 3>& x) {
     for (size_t a = 0; a < kAnchors; ++a) {
       Complex square = 0;
       for (size_t axis = 0; axis < 3; ++axis) {
-        const Complex apart = x[axis] - static_cast<Real>(network.anchors.data_ptr<double>()[(i * 8 + a) * 3 + axis]);
+        const Complex apart =
+            x[axis] - static_cast<Real>(network.anchors.data_ptr<double>()[(i * kAnchors + a) * 3 + axis]);
         square += apart * apart;
       }
       const Complex distance = std::sqrt(square);
