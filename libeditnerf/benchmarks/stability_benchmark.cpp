@@ -59,9 +59,10 @@ void AddIntegration(const StabilityBenchmark& options, BenchmarkResult* result) 
 
 BenchmarkResult RunStabilityBenchmark(const StabilityBenchmark& options) {
   const std::vector<std::function<StabilityRows()>> groups = {
-      CompositingStability,        SoftmaxStability,      DensityStability,    RigidMotionStability,
-      PositionalEncodingStability, HashEncodingStability, ProjectionStability, NetworkStability,
-      MarchingStability,           FusedPassStability,    DistortionStability, EarlyStopStability};
+      CompositingStability,        SoftmaxStability,        DensityStability,    RigidMotionStability,
+      PositionalEncodingStability, HashEncodingStability,   ProjectionStability, NetworkStability,
+      MarchingStability,           FusedPassStability,      DistortionStability, EarlyStopStability,
+      LocalFrameStability,         KeyPointWeightStability, LookUpStability};
   Progress bar("stability", static_cast<double>(groups.size() + 1));
   BenchmarkResult result;
   result.json = {{"rows", Json::array()}};

@@ -35,6 +35,9 @@ StabilityRows MarchingStability();
 StabilityRows FusedPassStability();
 StabilityRows DistortionStability();
 StabilityRows EarlyStopStability();
+StabilityRows LocalFrameStability();
+StabilityRows KeyPointWeightStability();
+StabilityRows LookUpStability();
 
 // Error against run time of ways to solve dT/ds = -sigma T, from thin to stiff.
 struct IntegrationPoint {

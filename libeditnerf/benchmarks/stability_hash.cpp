@@ -1,4 +1,4 @@
-// Hash encoding inside, on and far outside its cube.
+// Hash encoding inside, on and far outside its cube, from tables in float32 and bfloat16.
 #include <torch/torch.h>
 
 #include <algorithm>
@@ -7,8 +7,10 @@
 #include <limits>
 
 #include "libeditnerf/benchmarks/stability_measure.h"
+#include "libeditnerf/kernels/bf16_table.h"
 #include "libeditnerf/kernels/hash_encoding.h"
 #include "libeditnerf/kernels/hash_index.h"
+#include "libeditnerf/kernels/tile_functions.h"
 
 namespace editnerf {
 namespace {
@@ -22,7 +24,7 @@ struct Points {
 };
 
 struct Encoded {
-  torch::Tensor features, table_gradient, x_gradient;  // [S, kFeatures], [1, L T 2], [S, 3]
+  torch::Tensor features, table_gradient, x_gradient;  // [S, kFeatures], [1, L T 2], [S, 3]; undefined: has none
 };
 
 using EncodeFunction = at::Tensor (*)(const at::Tensor&, const at::Tensor&, const std::vector<int64_t>&);
@@ -119,6 +121,35 @@ Encoded Found(EncodeFunction encode, const torch::Tensor& x, const torch::Tensor
   return {features.detach(), gradients[1].reshape({1, -1}), gradients[0]};
 }
 
+// The kernels for tables in bfloat16, a tile of points at a time, with coordinates clamped before as in the fused pass.
+// Gradients of tables are float32's.
+Encoded FoundInBf16(const Points& points, const torch::Tensor& table, const torch::Tensor& upstream,
+                    const std::vector<int64_t>& resolutions) {
+  constexpr float kCorner[3] = {};
+  Bf16Table copy;
+  copy.Refresh(table);
+  TileMemory x(3), unit(3), out(kFeatures), grad(kFeatures);
+  std::vector<torch::Tensor> features, slopes;
+  for (int64_t begin = 0; begin < points.x.size(0); begin += kTile) {
+    const int64_t end = std::min(points.x.size(0), begin + kTile), count = end - begin;
+    TileMemory slope(3);  // of zeros, as slopes are added
+    FillTile(points.x.slice(0, begin, end).t(), &x);
+    FillTile(upstream.slice(0, begin, end).t(), &grad);
+    UnitCoordinates(x.rows(), kCorner, 1, count, unit.rows());
+    const HashPoints at = {count, {unit.Row(0), unit.Row(1), unit.Row(2)}};
+    float* const axes[3] = {slope.Row(0), slope.Row(1), slope.Row(2)};
+    for (int64_t l = 0; l < kLevels; ++l) {
+      const HashLevel level = {resolutions[static_cast<size_t>(l)], kTableSize};
+      EncodeBf16HashLevel(at, level, copy.Level(l), out.Row(2 * l), out.Row(2 * l + 1));
+      SlopeBf16HashLevel(at, level, copy.Level(l), grad.Row(2 * l), grad.Row(2 * l + 1), axes);
+    }
+    features.push_back(ReadTile(out, kFeatures, count).t());
+    slopes.push_back(ReadTile(slope, 3, count).t());
+  }
+  // Those of clamped coordinates are for the caller to leave out.
+  return {torch::cat(features), {}, points.slopes ? torch::cat(slopes) : torch::Tensor()};
+}
+
 StabilityRow RowOf(const Points& points, const std::string& variant, double rounding, const Encoded& found,
                    const Encoded& expected, const std::vector<int64_t>& resolutions) {
   StabilityRow row = {"hash encoding", points.name, variant, {}, ErrorAndBound{}, true};
@@ -132,18 +163,39 @@ StabilityRow RowOf(const Points& points, const std::string& variant, double roun
   const double bound = 16 * rounding;
   const auto scale = torch::tensor(cells, torch::kFloat64);
   row.value = {LargestRelativeError(found.features / scale, expected.features / scale, 1), bound};
-  const auto to_table = [&](const Encoded& one) {
-    return one.table_gradient.to(torch::kFloat64).view({kLevels, -1}) /
-           scale.view({kLevels, 2}).select(1, 0).unsqueeze(1);
-  };
-  double error = LargestRelativeError(to_table(found), to_table(expected), 1);
-  if (points.slopes) {
-    error = std::max(error, LargestRelativeError(found.x_gradient / slope, expected.x_gradient / slope, 1));
-  } else if (points.name == "far outside" && found.x_gradient.abs().max().item<double>() != 0) {
-    error = std::numeric_limits<double>::infinity();  // clamped coordinates have none
+  row.finite = AllFinite({found.features});
+  double error = 0;
+  if (found.table_gradient.defined()) {
+    const auto to_table = [&](const Encoded& one) {
+      return one.table_gradient.to(torch::kFloat64).view({kLevels, -1}) /
+             scale.view({kLevels, 2}).select(1, 0).unsqueeze(1);
+    };
+    error = LargestRelativeError(to_table(found), to_table(expected), 1);
+    row.finite = row.finite && AllFinite({found.table_gradient});
+  }
+  if (found.x_gradient.defined()) {
+    if (points.slopes) {
+      error = std::max(error, LargestRelativeError(found.x_gradient / slope, expected.x_gradient / slope, 1));
+    } else if (points.name == "far outside" && found.x_gradient.abs().max().item<double>() != 0) {
+      error = std::numeric_limits<double>::infinity();  // clamped coordinates have none
+    }
+    row.finite = row.finite && AllFinite({found.x_gradient});
   }
   row.gradient = {error, bound};
-  row.finite = AllFinite({found.features, found.table_gradient, found.x_gradient});
+  if (!found.table_gradient.defined() && !found.x_gradient.defined()) row.gradient.reset();
+  return row;
+}
+
+// What rounding the table itself costs: all points together, in the Euclidean norm. Entries are off by 2^-9 at most,
+// and slopes are differences of two.
+StabilityRow RowOfRounding(const Points& points, const std::string& variant, const Encoded& found,
+                           const Encoded& expected) {
+  const auto error = [](const torch::Tensor& one, const torch::Tensor& wanted) {
+    return (one.to(torch::kFloat64) - wanted).norm().item<double>() / wanted.norm().item<double>();
+  };
+  StabilityRow row = {"hash encoding", points.name, variant, {}, {}, AllFinite({found.features})};
+  row.value = {error(found.features, expected.features), std::ldexp(1.0, -9)};
+  if (points.slopes) row.gradient = {error(found.x_gradient, expected.x_gradient), std::ldexp(1.0, -8)};
   return row;
 }
 
@@ -169,7 +221,14 @@ StabilityRows HashEncodingStability() {
       if (precision.type == torch::kFloat64) {
         add("loops float64", HashEncode);
       } else {
-        ForEachInstructionSet([&](const std::string& target) { add("kernel " + target, HashEncode); });
+        const auto in_bf16 =
+            Expected(as_given, table.to(torch::kBFloat16).to(torch::kFloat64), exact(upstream), resolutions);
+        ForEachInstructionSet([&](const std::string& target) {
+          add("kernel " + target, HashEncode);
+          const auto found = FoundInBf16(as_given, given(table), upstream, resolutions);
+          rows.push_back(RowOf(points, "bfloat16 " + target, precision.rounding, found, in_bf16, resolutions));
+          rows.push_back(RowOfRounding(points, "bfloat16 " + target + ", rounding too", found, expected));
+        });
       }
     }
   }

@@ -272,8 +272,10 @@ void AddScaledRowsImpl(const float* factor, const float* rows, int64_t num_rows,
 void LightAlongRaysImpl(const float* tau, const float* before, int64_t count, float* light, float* weight) {
   const Tag tag;
   ForVectors(count, [&](int64_t s) {
-    // Beyond e^-80 nothing is seen; the exponential of less would be denormal.
-    const Vector arriving = Exp(AtLeast(Broadcast(-80.0F), hn::Neg(hn::LoadU(tag, before + s))));
+    // Beyond e^-80 nothing is seen, and the exponential would soon be denormal. It is 0 there, not e^-80: densities of
+    // 1e6 would make gradients of that which have no meaning.
+    const Vector sum = hn::LoadU(tag, before + s), least = Broadcast(80.0F);
+    const Vector arriving = hn::IfThenZeroElse(hn::Gt(sum, least), Exp(hn::Neg(AtMost(least, sum))));
     const Vector alpha = hn::Neg(hn::Expm1(tag, AtLeast(Broadcast(-80.0F), hn::Neg(hn::LoadU(tag, tau + s)))));
     hn::StoreU(arriving, tag, light + s);
     hn::StoreU(hn::Mul(arriving, alpha), tag, weight + s);

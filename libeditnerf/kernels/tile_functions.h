@@ -65,7 +65,8 @@ void AddRows(const float* a, const float* b, float factor, int64_t num_rows, int
 // sum [num rows] += factor [1 row] * rows.
 void AddScaledRows(const float* factor, const float* rows, int64_t num_rows, int64_t count, float* sum);
 
-// Flat arrays, count rounded up to 16: light[i] = exp(-before[i]), weight[i] = light[i] (1 - exp(-tau[i])).
+// Flat arrays, count rounded up to 16: light[i] = exp(-before[i]), and 0 beyond e^-80; weight[i] = light[i]
+// (1 - exp(-tau[i])).
 void LightAlongRays(const float* tau, const float* before, int64_t count, float* light, float* weight);
 
 }  // namespace editnerf

@@ -34,6 +34,11 @@ class StageBook {
   explicit StageBook(const fs::path& work) : path_(work / "stages.json") {
     if (fs::exists(path_)) book_ = ReadJson(path_);
     if (!book_.is_object()) Throw<DataError>("{}: expected an object; remove it to begin again", path_.string());
+    for (const auto& [stage, seconds] : book_.items()) {
+      if (seconds.is_number()) continue;
+      Throw<DataError>("{}: '{}': expected seconds, found {}; remove the entry to repeat the stage", path_.string(),
+                       stage, seconds.dump());
+    }
   }
 
   // Runs `body` unless the stage is in the book.

@@ -31,9 +31,11 @@ std::optional<FlowSequence> Read(const std::filesystem::path& path, const std::m
     FlowSequence sequence;
     sequence.forward = file.tensors["forward"];
     sequence.backward = file.tensors["backward"];
+    const std::string name = path.string() + ": kept flow";
     for (const torch::Tensor& flow : {sequence.forward, sequence.backward}) {
-      CheckShape(flow, {images.size(0) - 1, images.size(1), images.size(2), 2}, "kept flow");
-      if (flow.scalar_type() != torch::kFloat32) Throw<DataError>("{}: expected flow in float32", path.string());
+      CheckShape(flow, {images.size(0) - 1, images.size(1), images.size(2), 2}, name.c_str());
+      if (flow.scalar_type() == torch::kFloat32) continue;
+      Throw<DataError>("{}: expected float32, found {}", name, c10::toString(flow.scalar_type()));
     }
     Validate(&sequence);
     return sequence;

@@ -44,7 +44,9 @@ Grid FitGrid(const torch::Tensor& points, int64_t resolution) {
     for (int64_t i = 0; i < count; i += step)
       if (Finite(p + 3 * i)) values.push_back(p[3 * i + axis]);
     if (values.empty())
-      Throw<DataError>("surface volume: no pixel of any frame has a surface; the pretrained depth is empty");
+      Throw<DataError>(
+          "surface volume: no pixel of any frame has a surface; the pretrained depth is empty: pretrain for longer, or "
+          "look whether the camera poses are right");
     const auto at = [&values](double share) {
       const auto k = static_cast<int64_t>(share * static_cast<double>(values.size() - 1));
       std::nth_element(values.begin(), values.begin() + k, values.end());

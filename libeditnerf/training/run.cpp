@@ -129,23 +129,49 @@ RunCounters CountersFromJson(const std::string& text) {
   return c;
 }
 
-// Numbers that a field of this configuration has at least: its largest parts alone.
-int64_t FewestNumbers(const FieldConfig& config) {
-  if (config.kind == "fast") {
-    const HashEncodingConfig& hash = config.fast.canonical_hash;
-    return (hash.num_levels << hash.log2_table_size) * hash.features_per_level;
+// Numbers between the hidden layers of a network.
+int64_t BetweenLayers(int64_t depth, int64_t width) { return (depth - 1) * width * width; }
+
+int64_t Entries(const HashEncodingConfig& hash) {
+  return (hash.num_levels << hash.log2_table_size) * hash.features_per_level;
+}
+
+// Numbers that a run of this configuration has at least: whatever of it can be large.
+int64_t FewestNumbers(const Config& config, FieldStage stage, int64_t key_points) {
+  const FieldConfig& field = config.field;
+  const bool pretrain = stage == FieldStage::kPretrain;
+  int64_t numbers = 0;
+  if (field.kind == "fast") {
+    const FastFieldConfig& fast = field.fast;
+    numbers += Entries(fast.canonical_hash) + BetweenLayers(fast.density_depth, fast.width) +
+               BetweenLayers(fast.color_depth, fast.width);
+    if (!pretrain && key_points > 0) numbers += Entries(fast.local_hash);
+  } else {
+    numbers += 2 * BetweenLayers(field.nerf.depth, field.nerf.width);  // coarse and fine
   }
-  return (config.nerf.depth - 1) * config.nerf.width * config.nerf.width;
+  if (field.warp.enabled) numbers += BetweenLayers(field.warp.depth, field.warp.width);
+  if (pretrain) numbers += BetweenLayers(field.slicing.depth, field.slicing.width);
+  if (!pretrain && key_points > 1) numbers += BetweenLayers(field.weights.depth, field.weights.width);
+  const int64_t cells = config.render.occupancy_resolution;
+  if (config.render.sampler == "occupancy") numbers += cells * cells * cells;
+  return numbers;
 }
 
 // Before memory is taken for what the configuration announces.
-void CheckSize(const FieldConfig& config, const Tensors& tensors, const fs::path& path) {
+void CheckSize(const Run& run, int64_t key_points, const Tensors& tensors, const fs::path& path) {
   int64_t numbers = 0;
   for (const auto& item : tensors) numbers += item.second.numel();
-  if (numbers < FewestNumbers(config)) {
+  const int64_t fewest = FewestNumbers(run.config, run.stage, key_points);
+  if (numbers < fewest) {
     Throw<CheckpointError>("{}: {} numbers in its tensors, expected at least {} for its configuration", path.string(),
-                           numbers, FewestNumbers(config));
+                           numbers, fewest);
   }
+}
+
+FieldStage StageFrom(const std::string& text, const fs::path& path) {
+  if (text == "pretrain") return FieldStage::kPretrain;
+  if (text == "train") return FieldStage::kTrain;
+  Throw<CheckpointError>("{}: expected stage 'pretrain' or 'train', found '{}'", path.string(), text);
 }
 
 // Pictures differ by the rounding of bfloat16 alone, so that a run can be looked at where it could not be trained.
@@ -240,16 +266,16 @@ LoadedRun Load(const fs::path& folder, torch::Device device, bool to_train, Weig
   try {
     run.config = LoadConfigText(text("config"), path.string() + " (config)");
     if (!to_train) TakeKernelHere(&run.config);
-    run.stage = text("stage") == "pretrain" ? FieldStage::kPretrain : FieldStage::kTrain;
+    run.stage = StageFrom(text("stage"), path);
     run.scene = SceneFromJson(text("scene"), path.string());
     run.scene_path = text("scene_path");
     run.counters = CountersFromJson(text("counters"));
     run.device = device;
-    CheckSize(run.config.field, file.tensors, path);
     const int64_t key_points = std::stoll(text("key_points"));
     if (key_points < 0 || key_points > 64) {
       Throw<CheckpointError>("{}: expected 0 to 64 key points, found {}", path.string(), key_points);
     }
+    CheckSize(run, key_points, file.tensors, path);
     Build(&run, BoxFromJson(text("box")), {key_points, {}, {}, text("local_frames") == "yes"});
   } catch (const nlohmann::json::exception& error) {
     Throw<CheckpointError>("{}: damaged metadata: {}", path.string(), error.what());

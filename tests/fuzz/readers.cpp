@@ -15,6 +15,7 @@ const std::vector<Reader>& Readers() {
     std::vector<Reader> readers = TensorReaders();
     for (const Reader& reader : TextReaders()) readers.push_back(reader);
     for (const Reader& reader : FolderReaders()) readers.push_back(reader);
+    for (const Reader& reader : RunReaders()) readers.push_back(reader);
     return readers;
   }();
   return all;

@@ -44,5 +44,6 @@ std::string FileContent(const std::filesystem::path& path);
 std::vector<Reader> TensorReaders();  // tensor_readers.cpp: safetensors and what is kept in it, npy, torch.save
 std::vector<Reader> TextReaders();    // text_readers.cpp: YAML, JSON, CSV
 std::vector<Reader> FolderReaders();  // folder_readers.cpp: COLMAP, LLFF, transforms.json, key points, scene folders
+std::vector<Reader> RunReaders();     // run_readers.cpp: checkpoints
 
 }  // namespace editnerf::fuzz

@@ -12,6 +12,7 @@
 #include "moving_spheres.h"
 #include "tests/catch.h"
 #include "tests/imaging/scratch_folder.h"
+#include "tests/training/small_training.h"
 
 using namespace editnerf;
 
@@ -110,6 +111,33 @@ TEST_CASE("kept flow is read for the same images and flow alone, and a damaged f
   CHECK(flow.asked == 24);
   CachedFlowSequence(images, flow, path);
   CHECK(flow.asked == 24);
+}
+
+TEST_CASE("kept flow of the wrong type or shape is named and computed again") {
+  const ScratchFolder folder;
+  const auto path = folder / "optical_flow.safetensors";
+  const torch::Tensor images = SomeImages();
+  const CountingFlow flow(0.5F);
+  CachedFlowSequence(images, flow, path);
+  const SafetensorsFile whole = ReadSafetensors(path);
+  const auto complaint = [&](const torch::Tensor& forward) {
+    SafetensorsFile changed = whole;
+    changed.tensors.erase("forward");
+    if (forward.defined()) changed.tensors["forward"] = forward;
+    WriteSafetensors(path, changed.tensors, changed.metadata);
+    const int before = flow.asked;
+    const CaughtLog log;
+    const FlowSequence read = CachedFlowSequence(images, flow, path);
+    CHECK(flow.asked == before + 6);
+    CHECK(torch::equal(read.forward, whole.tensors.at("forward")));
+    return log.text();
+  };
+  const torch::Tensor forward = whole.tensors.at("forward");
+  CHECK_THAT(complaint(forward.to(torch::kFloat64)),
+             HasText(path.string() + ": kept flow: expected float32, found Double; optical flow is computed again"));
+  CHECK_THAT(complaint(forward.slice(1, 1)),
+             HasText(path.string() + ": kept flow: expected shape [3, 24, 32, 2], found [3, 23, 32, 2]"));
+  CHECK_THAT(complaint({}), HasText(path.string() + ": kept flow: expected shape [3, 24, 32, 2]"));
 }
 
 TEST_CASE("detection says which flow it stands on, and reads kept flow unless a guess would make it better") {

@@ -113,6 +113,10 @@ TEST_CASE("duplicates on one part are merged, and a given count brings them back
   const Detection forced = Detect(clip, config);
   CHECK(forced.count() == 2);
   CHECK(Mentions(forced, "kept because the number of key points is given"));
+  config.count = 8;
+  config.min_distance = 0.9;
+  CHECK_THROWS_WITH(Detect(clip, config), HasText("detect.count asks for 8 key points, but only 1 places") &&
+                                              HasText("lower detect.relative_threshold and detect.min_distance"));
 }
 
 TEST_CASE("a part that passes behind another is marked invisible there and found again") {

@@ -117,6 +117,36 @@ TEST_CASE("refinement survives tracks that stand still, lie on a line, or have n
   }
 }
 
+TEST_CASE("refinement survives tracks with fewer observations than unknowns, and cameras that all stand in one place") {
+  NoisyTrack noisy;
+  const auto frames = noisy.track.position.size();
+  for (const char* kind : {"one frame", "one frame without depth", "one place", "one place without depth"}) {
+    INFO(kind);
+    const std::string text = kind;
+    const bool one_frame = text.find("one frame") == 0, no_depth = text.find("without") != std::string::npos;
+    Clip clip = noisy.clip;
+    PointTrack track = noisy.track;
+    PixelTrack pixels = noisy.pixels;
+    for (size_t t = 0; t < frames; ++t) {
+      // Turning does not tell how far anything is, and neither does a camera that does not even turn.
+      if (!one_frame) clip.cameras[t] = clip.cameras[0];
+      if (one_frame && t != 20) track.visible[t] = pixels.visible[t] = false;
+      if (no_depth) pixels.distance[t] = NAN;
+    }
+    if (no_depth)
+      for (torch::Tensor& map : clip.depth) map = torch::full_like(map, NAN);
+    const RefinedTrack refined = RefineTrack(clip, track, pixels);
+    REQUIRE(refined.position.size() == frames);
+    for (size_t t = 0; t < frames; ++t) {
+      CHECK(std::isfinite(Norm(refined.position[t])));
+      // What nothing is known of stays about where it was: within the scene.
+      CHECK(Norm(refined.position[t] - track.position[t]) < 1);
+    }
+    if (one_frame) CHECK(refined.after.motion_terms == 0);
+    if (no_depth) CHECK(refined.after.geometry_terms == 0);
+  }
+}
+
 TEST_CASE("refinement is deterministic and works on a whole detection") {
   const NoisyTrack noisy;
   Detection detection;

@@ -116,6 +116,40 @@ TEST_CASE("entries that are not valid are left out of the means, and none at all
   CHECK(key_points.grad().abs().sum().item<double>() == 0);
 }
 
+TEST_CASE("key points that stand still, coincide, lie at a camera or are not finite have finite losses and gradients") {
+  const auto cameras = ThreeCameras();
+  const auto point = [](double x, double y, double z) { return torch::tensor({x, y, z}, torch::kFloat64); };
+  const auto centre = point(cameras[0].position.x, cameras[0].position.y, cameras[0].position.z);
+  struct Case {
+    const char* name;
+    torch::Tensor first, second;
+    bool seen;  // whether the second has an image, as the first always does
+  };
+  const auto middle = point(0.1, 0.05, 0.1);
+  const std::vector<Case> cases = {{"coincident", middle, middle, true},
+                                   {"at the camera", middle, centre, false},
+                                   {"in its plane", middle, centre + point(0.1, 0, 0), false},
+                                   {"next to its plane", middle, centre + point(0.01, 0, 1e-9), false},
+                                   {"thousands of pixels outside", middle, point(900, 0, 0), false},
+                                   {"not finite", middle, point(kNan, 0, 0), false}};
+  for (const auto type : {torch::kFloat32, torch::kFloat64}) {
+    const auto flow = torch::zeros({2, 16, 24, 2}, type), depth = torch::ones({3, 16, 24}, type);
+    for (const Case& one : cases) {
+      INFO(one.name << (type == torch::kFloat32 ? ", float32" : ", float64"));
+      const auto key_points = torch::stack({one.first, one.second}).unsqueeze(0).to(type).requires_grad_(true);
+      const FramePairs still = {torch::zeros({1}, torch::kInt64), key_points, key_points};
+      const auto tensors = StackCameras(cameras, type);
+      const auto loss = MotionLoss(tensors, flow, still, 320) + GeometryLoss(tensors, depth, still);
+      const auto gradient = torch::autograd::grad({loss}, {key_points})[0];
+      CHECK(std::isfinite(loss.item<double>()));
+      CHECK(torch::isfinite(gradient).all().item<bool>());
+      CHECK(gradient[0][0].abs().sum().item<double>() > 0);
+      CHECK(torch::equal(gradient[0][0], gradient[0][1]) == one.seen);
+      if (!one.seen) CHECK(gradient[0][1].abs().sum().item<double>() == 0);
+    }
+  }
+}
+
 TEST_CASE("motion and geometry losses agree with central differences in all key points") {
   const auto pairs = SomePairs();
   torch::manual_seed(8);

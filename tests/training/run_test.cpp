@@ -1,0 +1,111 @@
+#include "libeditnerf/training/run.h"
+
+#include <fstream>
+#include <functional>
+
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/safetensors.h"
+#include "tests/catch.h"
+#include "tests/training/small_training.h"
+
+using namespace editnerf;
+
+namespace {
+
+// The message with which the run is refused whose checkpoint `change` has been at; empty where it is read.
+std::string RefusedAfter(const fs::path& folder, const std::function<void(SafetensorsFile*)>& change) {
+  const fs::path path = folder / "checkpoint.safetensors";
+  SaveRun(MakeRun(SmallFast(), FieldStage::kTrain, TinyScene(), TrueTracks(TinyScene()), torch::kCPU), folder);
+  SafetensorsFile file = ReadSafetensors(path);
+  change(&file);
+  WriteSafetensors(path, file.tensors, file.metadata);
+  try {
+    LoadRun(folder);
+  } catch (const CheckpointError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+std::string RefusedWithSetting(const fs::path& folder, const std::function<void(Config*)>& change) {
+  return RefusedAfter(folder, [&](SafetensorsFile* file) {
+    Config config = LoadConfigText(file->metadata.at("config"), "config");
+    change(&config);
+    file->metadata["config"] = ToYaml(config);
+  });
+}
+
+}  // namespace
+
+TEST_CASE("a checkpoint that is damaged, cut off or of another kind is refused by name") {
+  const fs::path folder = Scratch("damaged");
+  CHECK_THROWS_WITH(LoadRun(folder), HasText("checkpoint.safetensors: no checkpoint here"));
+  SaveRun(MakeRun(SmallFast(), FieldStage::kTrain, TinyScene(), TrueTracks(TinyScene()), torch::kCPU), folder);
+  CHECK_NOTHROW(LoadRun(folder));
+  const fs::path path = folder / "checkpoint.safetensors";
+  fs::resize_file(path, fs::file_size(path) / 2);
+  CHECK_THROWS_AS(LoadRun(folder), CheckpointError);
+  std::ofstream(path) << "not a checkpoint";
+  CHECK_THROWS_AS(LoadRun(folder), CheckpointError);
+  fs::remove_all(folder);
+}
+
+TEST_CASE("a checkpoint that announces sizes which it does not have is refused before memory is taken for them") {
+  const TrainingFolder folder("absurd");
+  const std::string too_small = " numbers in its tensors, expected at least ";
+  CHECK(RefusedAfter(folder.path(), [](SafetensorsFile*) {}).empty());
+  // Every one of these takes half a gigabyte or more by itself.
+  const std::vector<std::function<void(Config*)>> absurd = {
+      [](Config* config) {
+        config->field.fast.canonical_hash = {32, 8, 24, 16, 512};
+      },
+      [](Config* config) {
+        config->field.fast.local_hash = {32, 8, 24, 16, 512};
+      },
+      [](Config* config) {
+        config->field.warp = {true, 6, 80000, 32, 4096};
+      },
+      [](Config* config) { config->render.occupancy_resolution = 512; },
+      [](Config* config) {
+        config->field.kind = "paper", config->field.nerf.depth = 32, config->field.nerf.width = 4096;
+      },
+  };
+  for (size_t i = 0; i < absurd.size(); ++i) {
+    INFO("case " << i);
+    CHECK_THAT(RefusedWithSetting(folder.path(), absurd[i]), HasText(too_small));
+  }
+  const auto wide_weights = [](SafetensorsFile* file) {
+    Config config = LoadConfigText(file->metadata.at("config"), "config");
+    config.field.weights.depth = 32, config.field.weights.width = 4096;
+    file->metadata["config"] = ToYaml(config);
+    file->metadata["key_points"] = "2";
+  };
+  CHECK_THAT(RefusedAfter(folder.path(), wide_weights), HasText(too_small));
+  const auto wide_slices = [](SafetensorsFile* file) {
+    Config config = LoadConfigText(file->metadata.at("config"), "config");
+    config.field.slicing.depth = 32, config.field.slicing.width = 4096;
+    file->metadata["config"] = ToYaml(config);
+    file->metadata["stage"] = "pretrain";
+  };
+  CHECK_THAT(RefusedAfter(folder.path(), wide_slices), HasText(too_small));
+}
+
+TEST_CASE("a checkpoint whose metadata is wrong is refused with its name and what was expected") {
+  const TrainingFolder folder("metadata");
+  const auto refused = [&](const char* key, const std::string& value) {
+    return RefusedAfter(folder.path(), [&](SafetensorsFile* file) { file->metadata[key] = value; });
+  };
+  const std::string name = (folder.path() / "checkpoint.safetensors").string();
+  CHECK(refused("stage", "trane") == name + ": expected stage 'pretrain' or 'train', found 'trane'");
+  CHECK(refused("key_points", "65") == name + ": expected 0 to 64 key points, found 65");
+  for (const auto& [key, value] : std::map<std::string, std::string>{{"key_points", "many"},
+                                                                     {"counters", "{}"},
+                                                                     {"scene", "[]"},
+                                                                     {"box", "[0, 0, 0, 1, 1]"},
+                                                                     {"config", "field: [1]"}}) {
+    INFO(key);
+    CHECK_THAT(refused(key.c_str(), value), HasText(name));
+  }
+  const auto without_table = [](SafetensorsFile* file) { file->tensors.erase("field.fine.local_table"); };
+  CHECK_THAT(RefusedAfter(folder.path(), without_table), HasText(name));
+}
