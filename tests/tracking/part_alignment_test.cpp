@@ -3,6 +3,8 @@
 
 #include <torch/torch.h>
 
+#include <algorithm>
+
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/tracking/part_fit.h"
 #include "tests/catch.h"
@@ -18,7 +20,10 @@ constexpr double kTrackDrift = 0.15;  // pixels a frame
 constexpr int64_t kReach = 6;         // frames before and after the middle of a track
 
 struct DriftingPart {
-  Sphere sphere = Sliding({0, 0, 0.35}, {0.3, 0, 0.05}, 1, kFrames, kRadius);
+  Sphere sphere = {kRadius, [](int64_t t) {  // rests, slides, and rests
+                     const double share = std::clamp((static_cast<double>(t) - 14) / 10, 0.0, 1.0);
+                     return Vec3{0.3 * share - 0.15, 0, 0.35};
+                   }};
   Clip clip;
   std::vector<FlowTrack> tracks;
   RigidPart part;
@@ -31,6 +36,7 @@ struct DriftingPart {
     for (int64_t t = 0; t < kFrames; ++t) {
       clip.cameras.push_back(rendered.scene.frames[static_cast<size_t>(t)].camera);
       clip.gray.push_back(rendered.scene.images[t].to(torch::kFloat32).mean(2).contiguous());
+      clip.depth.push_back(rendered.maps.depth[t]);
     }
     part.center = sphere.center(0);
     for (int64_t t = 0; t < kFrames; ++t) {
@@ -63,23 +69,14 @@ struct DriftingPart {
     return {at.u, at.v};
   }
 
-  // Pixels between where the part has its points and where they are, the given share of them lower.
-  double Miss(const RigidPart& of, double share) const {
-    std::vector<double> misses;
-    for (const PartPoint& point : of.points) {
-      const Vec3 own = ToVec3(point.position);
-      // Points may have come in another order: the normal is that of the nearest.
-      size_t nearest = 0;
-      for (size_t i = 0; i < normals.size(); ++i) {
-        const auto off = [&](size_t k) { return Norm(ToVec3(part.points[k].position) - own); };
-        if (off(i) < off(nearest)) nearest = i;
-      }
-      for (int64_t t = 0; t < kFrames; ++t) {
-        const Projected at = Project(clip.cameras[static_cast<size_t>(t)], of.Place(t, own));
-        misses.push_back(Distance({at.u, at.v}, Truth(normals[nearest], t)));
-      }
+  // How far its way leads from the sphere's, scene units.
+  double Astray(const RigidPart& of) const {
+    double most = 0;
+    for (int64_t t = 0; t < kFrames; ++t) {
+      const Vec3 way = of.Place(t, of.center) - of.Place(0, of.center);
+      most = std::max(most, Norm(way - (sphere.center(t) - sphere.center(0))));
     }
-    return Percentile(misses, share);
+    return most;
   }
 };
 
@@ -100,10 +97,10 @@ TEST_CASE("points are followed by their looks for longer than flow went, and do 
         misses.push_back(Distance(run.At(t), drifting.Truth(drifting.normals[i], t)));
     }
   }
-  CHECK(aligned > drifting.part.points.size() / 2);
+  CHECK(aligned > drifting.part.points.size() / 3);  // the others have no corner
   CHECK(misses.size() > aligned * 2 * (2 * kReach + 1));
   CHECK(Percentile(misses, 0.5) < 0.2);
-  CHECK(Percentile(misses, 0.9) < 0.6);
+  CHECK(Percentile(misses, 0.9) < 1);
 }
 
 TEST_CASE("a part that drifted with its tracks is where it belongs once it is aligned", "[alignment]") {
@@ -112,10 +109,13 @@ TEST_CASE("a part that drifted with its tracks is where it belongs once it is al
   options.flow_pixels = 0.4;
   PartFit fit(drifting.clip, drifting.tracks, options, {0.5, 5});
   fit.GoOn(drifting.part);
-  const double before = drifting.Miss(fit.part(), 0.9);
-  for (int round = 0; round < 3; ++round) REQUIRE(fit.Align(&drifting.tracks));
-  CHECK(before > 1);
-  CHECK(drifting.Miss(fit.part(), 0.9) < 0.4 * before);
+  const double before = drifting.Astray(fit.part());
+  for (int round = 0; round < 3; ++round) {
+    REQUIRE(fit.Align(&drifting.tracks));
+    fit.Settle();
+  }
+  CHECK(before > 0.02);  // four pixels
+  CHECK(drifting.Astray(fit.part()) < 0.6 * before);
   CHECK(fit.part().points.size() > drifting.part.points.size() / 2);
   for (const RigidPose& pose : fit.part().pose) CHECK(Norm(ToVec3(pose.rotation)) == 0);  // turns stay left out
 }
