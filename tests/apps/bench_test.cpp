@@ -151,11 +151,26 @@ TEST_CASE("enf-bench stability finds every operator within its bounds, and trans
     CHECK(row.at("error") <= row.at("bound"));
     if (!row.at("gradient_bound").is_null()) CHECK(row.at("gradient_error") <= row.at("gradient_bound"));
   }
-  CHECK(operations == std::set<std::string>{"SE(3) exponential", "clamped exp", "compositing", "distortion",
-                                            "early stop", "fused pass", "fused pass, all objectives",
-                                            "fused pass, background", "fused pass, depth", "fused pass, distortion",
-                                            "hash encoding", "marching", "positional encoding", "projection",
-                                            "small network", "softmax", "softplus"});
+  CHECK(operations == std::set<std::string>{"SE(3) exponential",
+                                            "clamped exp",
+                                            "compositing",
+                                            "distortion",
+                                            "early stop",
+                                            "fused pass",
+                                            "fused pass, all objectives",
+                                            "fused pass, background",
+                                            "fused pass, depth",
+                                            "fused pass, distortion",
+                                            "hash encoding",
+                                            "key point weights",
+                                            "local frames",
+                                            "look-up",
+                                            "marching",
+                                            "positional encoding",
+                                            "projection",
+                                            "small network",
+                                            "softmax",
+                                            "softplus"});
   for (const Json& point : json.at("integration")) {
     INFO(point.dump());
     const auto way = point.at("way").get<std::string>();
