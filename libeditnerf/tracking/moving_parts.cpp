@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/base/interrupt.h"
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/base/progress.h"
@@ -127,10 +129,14 @@ RigidPart Aligned(const Clip& clip, const RigidPart& part, const DepthRange& ran
   options.iterations = kAlignedIterations;
   PartFit fit(clip, *tracks, options, range);
   fit.GoOn(part);
+  Progress progress("alignment", kAlignments);
   for (int round = 0; round < kAlignments; ++round) {
+    if (InterruptRequested()) Throw<Interrupted>("interrupted while moving parts were aligned");
+    progress.Update(round);
     if (!fit.Align(tracks)) break;
     if (!part.hinged) fit.Settle();
   }
+  progress.Finish();
   return fit.Finished();
 }
 

@@ -133,6 +133,27 @@ TEST_CASE("a scene folder that was written reads back the same") {
   CHECK(torch::equal(read.truth->mask, written.truth->mask));
 }
 
+TEST_CASE("a world ten thousand times as large, or as small, is the same scene") {
+  const double size = GENERATE(1e-4, 1e4);
+  INFO("size " << size);
+  const ScratchFolder folder;
+  const Scene scene = SmallScene(4, true);
+  Scene scaled = scene;
+  scaled.transform.scale = scene.transform.scale / size;
+  scaled.transform.center = scene.transform.center * size;
+  WriteSceneFolder(scaled, folder.path());
+  const Vec3 stored = ReadCameraFile(folder.path() / "camera" / "frame101.json").position;
+  const Vec3 in_scene = scene.frames[1].camera.position;
+  CHECK(Norm(stored - (in_scene / scene.transform.scale + scene.transform.center) * size) < 1e-9 * size);
+  const Scene read = ReadSceneFolder(folder.path(), FullSize());
+  for (size_t i = 0; i < read.frames.size(); ++i) {
+    CHECK(Norm(read.frames[i].camera.position - scene.frames[i].camera.position) < 1e-9);
+  }
+  CHECK(torch::allclose(read.points, scene.points, 1e-5, 1e-5));
+  CHECK(torch::allclose(read.truth->scene_from_object, scene.truth->scene_from_object, 0, 1e-9));
+  CHECK(torch::allclose(read.truth->depth, scene.truth->depth, 1e-6, 0));
+}
+
 TEST_CASE("a scene that replaces another leaves nothing of it that would be read") {
   const ScratchFolder folder;
   WriteSceneFolder(SmallScene(4, true), folder.path());
