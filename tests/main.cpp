@@ -7,6 +7,11 @@
 #define CATCH_CONFIG_RUNNER
 #include "tests/catch.h"
 
+// Read by the sanitizers before main. Catch2 asks for memory that may not throw and gives it back to the usual delete,
+// which Clang's runtime takes for a mistake.
+extern "C" const char* __asan_default_options() { return "alloc_dealloc_mismatch=0"; }
+extern "C" const char* __ubsan_default_options() { return "print_stacktrace=1"; }
+
 int main(int argc, char** argv) {
   // For the programs that tests start, and so that RunProgram, called by a test, does not start this one again.
   setenv("GOMP_SPINCOUNT", "1000", 0);

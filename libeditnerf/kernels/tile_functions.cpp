@@ -31,8 +31,8 @@ HWY_INLINE Vector Broadcast(float x) { return hn::Set(Tag(), x); }
 HWY_INLINE Vector AtMost(Vector limit, Vector x) { return hn::IfThenElse(hn::Gt(x, limit), limit, x); }
 HWY_INLINE Vector AtLeast(Vector limit, Vector x) { return hn::IfThenElse(hn::Lt(x, limit), limit, x); }
 
-// Highway's own gives 0 for a NaN. x: finite or NaN.
-HWY_INLINE Vector Exp(Vector x) { return hn::Add(hn::Exp(Tag(), x), hn::Sub(x, x)); }
+// x: finite or NaN, which stays one. Highway's own makes it a whole number on the way, for which C++ has no answer.
+HWY_INLINE Vector Exp(Vector x) { return hn::Add(hn::Exp(Tag(), hn::IfThenElseZero(hn::Eq(x, x), x)), hn::Sub(x, x)); }
 
 // Into [0, 1]; a NaN becomes 0.
 HWY_INLINE Vector ToUnit(Vector x) {
