@@ -93,10 +93,12 @@ void EncodeTileImpl(const float* x, int64_t dim, int64_t octaves, float window, 
       Vector phase = hn::Sub(value, hn::Mul(periods, Broadcast(kPeriod)));
       // Where x has no digit left of a phase, the difference may be anything, and Highway's sine of it a NaN.
       phase = AtMost(Broadcast(4.0F), AtLeast(Broadcast(-4.0F), phase));
+      const Vector unknown = hn::Sub(phase, phase);  // NaN where it is, as in Exp
+      phase = hn::IfThenElseZero(hn::Eq(phase, phase), phase);
       for (int64_t k = 0; k < octaves; ++k) {
         const int64_t sine = dim * (1 + 2 * k) + d;
-        SetRow(hn::Mul(hn::Sin(tag, phase), scale), out, sine, s);
-        SetRow(hn::Mul(hn::Cos(tag, phase), scale), out, sine + dim, s);
+        SetRow(hn::MulAdd(hn::Sin(tag, phase), scale, unknown), out, sine, s);
+        SetRow(hn::MulAdd(hn::Cos(tag, phase), scale, unknown), out, sine + dim, s);
         phase = hn::Add(phase, phase);
       }
     });
