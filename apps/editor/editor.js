@@ -50,6 +50,11 @@ const link = new Link({
         // for measuring: tests/browser
         const detail = { rendering: picture.milliseconds, width: picture.width };
         performance.measure('move to picture', { start: moved, end: performance.now(), detail });
+        this.shown = performance.now();
+      }
+      if (!picture.preview && this.shown) {
+        performance.measure('preview to full picture', { start: this.shown, end: performance.now() });
+        this.shown = 0;
       }
       element('status').textContent = `${picture.width} x ${picture.height}, ${picture.milliseconds.toFixed(0)} ms`;
     }

@@ -64,12 +64,13 @@ class Link {
     this.pending = [];
   }
 
+  // Once the hand has rested for a few frames: a picture in full size that nobody waits for any more is given up.
   stillSoon() {
     clearTimeout(this.timer);
     this.timer = setTimeout(() => {
       this.still = true;
       this.pump();
-    }, 200);
+    }, 80);
   }
 
   async pump() {
