@@ -1,8 +1,9 @@
 // Many pixels of what moves, each followed by checked flow for as long as it can be: what rigid parts are fitted to.
 //
-// Chained flow is long-lived where a surface stays in view: its error grows to a pixel or two over a hundred frames. At
-// the edge of a part it is not: there dense flow drags the background along, and both directions agree on it. What
-// tells is the image: the surroundings of a dragged pixel change within a few frames.
+// Chained flow is long-lived where a surface stays in view: its error grows slowly, to some pixels over a hundred
+// frames (part_alignment.h takes that away). At the edge of a part it is not: there dense flow drags the background
+// along, and both directions agree on it. What tells is the image: the surroundings of a dragged pixel change within a
+// few frames.
 #pragma once
 
 #include <cstdint>

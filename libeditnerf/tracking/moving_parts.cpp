@@ -121,8 +121,8 @@ class Crowds {
   std::vector<bool> spent_;
 };
 
-// The part without the drift of chained flow. The first time its own drift bends what patches are expected to look
-// like.
+// The part without the drift of chained flow. Several times, as its own drift bends what patches are expected to look
+// like, and from where they are looked for.
 RigidPart Aligned(const Clip& clip, const RigidPart& part, const DepthRange& range, std::vector<FlowTrack>* tracks) {
   PartSolverOptions options;
   options.flow_pixels = kAlignedPixels;

@@ -109,22 +109,19 @@ class Template {
 
 // A unit vector across the surface that the nearest points of the part make out, in the reference frame.
 Vec3 NormalAt(const RigidPart& part, const Vec3& position) {
-  std::vector<std::pair<double, Vec3>> others;
+  std::vector<Eigen::Vector3d> others;
   for (const PartPoint& point : part.points) {
     const Vec3 offset = ToVec3(point.position) - position;
-    others.emplace_back(Dot(offset, offset), offset);
+    others.emplace_back(offset.x, offset.y, offset.z);
   }
   const size_t count = std::min(others.size(), kNeighbours);
-  std::partial_sort(others.begin(), others.begin() + static_cast<int64_t>(count), others.end(),
-                    [](const auto& a, const auto& b) { return a.first < b.first; });
+  const auto nearer = [](const auto& a, const auto& b) { return a.squaredNorm() < b.squaredNorm(); };
+  std::partial_sort(others.begin(), others.begin() + static_cast<int64_t>(count), others.end(), nearer);
+  others.resize(count);
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (size_t i = 0; i < count; ++i)
-    mean += Eigen::Vector3d(others[i].second.x, others[i].second.y, others[i].second.z) / static_cast<double>(count);
+  for (const Eigen::Vector3d& other : others) mean += other / static_cast<double>(count);
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
-  for (size_t i = 0; i < count; ++i) {
-    const Eigen::Vector3d off = Eigen::Vector3d(others[i].second.x, others[i].second.y, others[i].second.z) - mean;
-    spread += off * off.transpose();
-  }
+  for (const Eigen::Vector3d& other : others) spread += (other - mean) * (other - mean).transpose();
   const Eigen::Vector3d normal = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(0);
   return {normal.x(), normal.y(), normal.z()};
 }
