@@ -1,4 +1,7 @@
-// The tests' entry point: two threads, whatever LibTorch starts with, so that results do not depend on the machine.
+// The tests' entry point: two threads, whatever LibTorch starts with, so that results do not depend on the machine, and
+// the same random numbers in every run; `--rng-seed N` draws others.
+#include <torch/torch.h>
+
 #include <cstdlib>
 
 #include "libeditnerf/base/logging.h"
@@ -11,6 +14,24 @@
 // which Clang's runtime takes for a mistake.
 extern "C" const char* __asan_default_options() { return "alloc_dealloc_mismatch=0"; }
 extern "C" const char* __ubsan_default_options() { return "print_stacktrace=1"; }
+
+namespace {
+
+// LibTorch's own generator starts from the clock.
+#if __has_include(<catch2/catch_all.hpp>)
+struct SeedTorch : Catch::EventListenerBase {
+  using EventListenerBase::EventListenerBase;
+  void testCaseStarting(const Catch::TestCaseInfo&) override { torch::manual_seed(Catch::getSeed()); }
+};
+#else
+struct SeedTorch : Catch::TestEventListenerBase {
+  using TestEventListenerBase::TestEventListenerBase;
+  void testCaseStarting(const Catch::TestCaseInfo&) override { torch::manual_seed(Catch::rngSeed()); }
+};
+#endif
+CATCH_REGISTER_LISTENER(SeedTorch)
+
+}  // namespace
 
 int main(int argc, char** argv) {
   // For the programs that tests start, and so that RunProgram, called by a test, does not start this one again.
