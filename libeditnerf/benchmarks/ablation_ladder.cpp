@@ -19,6 +19,7 @@ std::vector<LadderStep> AblationLadder(const Config& config, const LadderKeyPoin
   StageConfig& train = plain.train;
   train.lambda_motion = train.lambda_geometry = train.lambda_depth = 0;
   train.still_share = train.carried_share = 0;
+  train.key_point_learning_rate = 1;  // they have a way to go
   const auto without_turns = [](DetectedKeyPoints detected) {
     detected.turns = torch::Tensor();
     return detected;

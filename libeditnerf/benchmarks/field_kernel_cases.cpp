@@ -30,7 +30,7 @@ std::shared_ptr<HyperspaceField> MakeField(const Config& config, const char* ker
   HyperspaceFieldOptions options;
   options.config = config.field;
   options.config.kind = "fast";
-  options.config.warp.enabled = false;
+  options.config.warp.enabled = Choice::kOff;
   options.config.fast.kernel = kernel;
   options.num_frames = kFrames;
   options.box = {{-1, -1, -1}, {1, 1, 1}};

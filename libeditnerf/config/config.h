@@ -58,8 +58,7 @@ struct StageConfig {
   int64_t samples_per_step = 0;          // fewer rays are drawn where they would take more samples; 0: no limit
   double learning_rate = 1e-3;           // exponential from here
   double final_learning_rate = 1e-4;     // to here, over `steps` (or `seconds`, whichever is nearer its end)
-  double key_point_learning_rate = 1.0;  // multiplies the learning rate of the key point table
-  double hinge_learning_rate = 1.0;      // multiplies it once more for parts on a hinge, whose way is known well
+  double key_point_learning_rate = 1.0;  // multiplies the learning rate of key points and local frames
   double code_learning_rate = 1.0;       // multiplies the learning rate of the per-frame codes
   double shape_learning_rate = 1.0;      // multiplies the learning rate of warp field, slices and weights
   double lambda_motion = 1e-4;           // of squared pixels at reference_width
@@ -71,6 +70,7 @@ struct StageConfig {
   double lambda_depth = 0;          // of the share of the depth by which a known distance is missed
   double still_share = 0;           // of the rays: through what stands still, under key points drawn anew
   double carried_share = 0;         // of the rays: through what a key point carries, carried along to other states
+  int64_t trial_steps = 500;        // of training, for every component of the field that is left to auto; 0: no trials
   bool warm_start = false;          // of training: begin with the static scene that pretraining found
   bool random_background = false;   // composite on random colours after 200 steps
   int64_t log_every = 50;           // steps
@@ -87,9 +87,8 @@ struct StageConfig {
       "samples that a step may take: fewer rays are drawn while they take many; 0 for no limit", AtLeast(0));
     v("learning_rate", learning_rate, "initial learning rate of Adam", Positive());
     v("final_learning_rate", final_learning_rate, "learning rate at the end of the exponential schedule", Positive());
-    v("key_point_learning_rate", key_point_learning_rate, "factor on the learning rate for key points", AtLeast(0));
-    v("hinge_learning_rate", hinge_learning_rate,
-      "one more for those of parts that turn about one axis (training): their way is known well", AtLeast(0));
+    v("key_point_learning_rate", key_point_learning_rate,
+      "factor on the learning rate for key points and how their parts turn", AtLeast(0));
     v("code_learning_rate", code_learning_rate, "factor on the learning rate for per-frame codes", AtLeast(0));
     v("shape_learning_rate", shape_learning_rate,
       "factor on the learning rate for the warp field, the slicing and the weight network", AtLeast(0));
@@ -109,6 +108,9 @@ struct StageConfig {
       "share of the rays that go through places of a part that moves, carried along with it to where it was at other "
       "times, and must show the same there, with the other parts' key points anywhere (training; not where parts turn)",
       Between(0.0, 0.35));
+    v("trial_steps", trial_steps,
+      "steps of each short training that decides a component of the field left to auto; 0 for none (training)",
+      AtLeast(0));
     v("warm_start", warm_start,
       "begin with the static scene that pretraining found, where the field is of the same kind (training)");
     v("random_background", random_background, "composite on random colours once the field has taken shape");

@@ -11,8 +11,8 @@ namespace editnerf {
 
 // SE(3) warp field x' = T(x, beta_t), eq. (1).
 struct WarpFieldConfig {
-  bool enabled = true;
-  int64_t num_octaves = 6;  // of the positional encoding: degrees 0 .. num_octaves-1, plus identity
+  Choice enabled = Choice::kOn;  // off while undecided
+  int64_t num_octaves = 6;       // of the positional encoding: degrees 0 .. num_octaves-1, plus identity
   int64_t window_steps =
       80000;                // the coarse-to-fine window opens linearly over this many steps; 0: open from the start
   int64_t depth = 6;        // hidden layers
@@ -23,7 +23,7 @@ struct WarpFieldConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("enabled", enabled, "build the warp field; exact cameras do not need it");
+    v("enabled", enabled, "build the warp field; exact cameras do not need it, and no kernel fuses it");
     v("num_octaves", num_octaves, "octaves of the positional encoding of x, beside the identity", Between(0, 20));
     v("window_steps", window_steps, "steps over which the coarse-to-fine window opens; 0 opens it at once", AtLeast(0));
     v("depth", depth, "hidden layers of the trunk", Between(1, 32));
@@ -123,7 +123,7 @@ struct FastFieldConfig {
   HashEncodingConfig local_hash;      // over x' - p
   double local_extent = 0.5;          // side of the cube around p that local_hash covers, of the scene's longest side
   int64_t local_window_steps = 0;     // steps of training over which the finer half of local_hash comes in
-  bool local_frames = true;           // of parts that turn, so that they stand still in local_hash
+  Choice local_frames = Choice::kOn;  // of parts that turn, so that they stand still in local_hash; on while undecided
   int64_t ambient_octaves = 2;    // of pretraining's ambient coordinates, for the density network, beside the identity
   int64_t key_point_octaves = 2;  // of the key point's, in training
   int64_t ambient_window_delay = 0;  // steps of pretraining during which the scene is taken as static
@@ -172,15 +172,21 @@ struct FastFieldConfig {
 struct FieldConfig {
   std::string kind = "paper";
   WarpFieldConfig warp;
-  bool use_appearance = true;  // alpha_t in the colour branch
+  Choice use_appearance = Choice::kOn;  // alpha_t in the colour branch; off while undecided
   int64_t appearance_dim = 4;
-  bool use_view_direction = true;  // d in the colour branch
+  Choice use_view_direction = Choice::kOn;  // d in the colour branch; on while undecided
   int64_t direction_octaves = 4;
   double code_init = 0.05;  // codes start as U(0, code_init)
   SlicingNetworkConfig slicing;
   WeightNetworkConfig weights;
   HyperspaceNerfConfig nerf;
   FastFieldConfig fast;
+
+  // Whether the component is built, while it is undecided too.
+  bool HasWarp() const { return warp.enabled == Choice::kOn; }
+  bool HasAppearance() const { return use_appearance == Choice::kOn; }
+  bool HasViewDirection() const { return use_view_direction != Choice::kOff; }
+  bool HasLocalFrames() const { return kind == "fast" && fast.local_frames != Choice::kOff; }
 
   template <class Visitor>
   void Visit(Visitor& v) {

@@ -20,6 +20,10 @@ inline Bounds AtLeast(double low) { return {low, std::numeric_limits<double>::in
 inline Bounds Positive() { return {0, std::numeric_limits<double>::infinity(), true}; }
 inline Bounds Between(double low, double high) { return {low, high, false}; }
 
+// A component of the field that is there, is not, or is decided by what it brings on held-out pixels
+// (pipeline/component_trials.h).
+enum class Choice { kOff, kOn, kAuto };
+
 // The words that a text field may hold.
 struct OneOf {
   std::vector<std::string> words;

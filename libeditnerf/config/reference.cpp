@@ -13,11 +13,13 @@ namespace {
 std::string TypeText(const Setting& setting) {
   if (std::holds_alternative<int64_t*>(setting.value)) return "integer";
   if (std::holds_alternative<double*>(setting.value)) return "number";
+  if (std::holds_alternative<Choice*>(setting.value)) return "choice";
   return std::holds_alternative<bool*>(setting.value) ? "boolean" : "text";
 }
 
 std::string RangeText(const Setting& setting) {
   if (std::holds_alternative<bool*>(setting.value)) return "true, false";
+  if (std::holds_alternative<Choice*>(setting.value)) return "true, false, auto";
   if (!setting.words.empty()) return fmt::format("{}", fmt::join(setting.words, ", "));
   const bool low = std::isfinite(setting.bounds.low), high = std::isfinite(setting.bounds.high);
   if (low && high) return fmt::format("{} to {}", setting.bounds.low, setting.bounds.high);

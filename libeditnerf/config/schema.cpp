@@ -73,6 +73,7 @@ std::string Expectation(const Setting& setting) {
   if (std::holds_alternative<int64_t*>(setting.value)) return "an integer" + RangeText(setting.bounds);
   if (std::holds_alternative<double*>(setting.value)) return "a number" + RangeText(setting.bounds);
   if (std::holds_alternative<bool*>(setting.value)) return "true or false";
+  if (std::holds_alternative<Choice*>(setting.value)) return "true, false or auto";
   if (setting.words.empty()) return "a text";
   return fmt::format("one of '{}'", fmt::join(setting.words, "', '"));
 }
@@ -81,6 +82,9 @@ std::string ValueText(const Setting& setting) {
   if (const auto* integer = std::get_if<int64_t*>(&setting.value)) return fmt::format("{}", **integer);
   if (const auto* number = std::get_if<double*>(&setting.value)) return fmt::format("{}", **number);
   if (const auto* flag = std::get_if<bool*>(&setting.value)) return **flag ? "true" : "false";
+  if (const auto* choice = std::get_if<Choice*>(&setting.value)) {
+    return **choice == Choice::kAuto ? "auto" : **choice == Choice::kOn ? "true" : "false";
+  }
   if (const auto* text = std::get_if<std::string*>(&setting.value)) return QuotedText(**text);
   return "";
 }

@@ -18,7 +18,7 @@ struct Setting {
   std::string name;  // "depth"
   std::string path;  // "field.warp.depth"; empty for the root
   std::string doc;
-  std::variant<std::monostate, int64_t*, double*, bool*, std::string*> value;  // monostate: a group
+  std::variant<std::monostate, int64_t*, double*, bool*, Choice*, std::string*> value;  // monostate: a group
   Bounds bounds;
   std::vector<std::string> words;  // a text's choices; empty: any text
   std::vector<Setting> children;
@@ -33,6 +33,7 @@ class SchemaBuilder {
   explicit SchemaBuilder(Setting& parent) : parent_(parent) {}
 
   void operator()(const char* name, bool& field, const char* doc) { Add(name, doc).value = &field; }
+  void operator()(const char* name, Choice& field, const char* doc) { Add(name, doc).value = &field; }
   void operator()(const char* name, std::string& field, const char* doc) { Add(name, doc).value = &field; }
   void operator()(const char* name, std::string& field, const char* doc, OneOf choices) {
     Setting& setting = Add(name, doc);
@@ -78,7 +79,8 @@ Setting Describe(Group& group) {
   return root;
 }
 
-// "an integer between 1 and 32", "a number greater than 0", "true or false", "one of 'auto', 'odd', 'none'".
+// "an integer between 1 and 32", "a number greater than 0", "true or false", "true, false or auto", "one of 'auto',
+// 'odd', 'none'".
 std::string Expectation(const Setting& setting);
 
 // The value as YAML writes it; numbers read back exactly.

@@ -160,6 +160,9 @@ class SettingsReader {
     } else if (const auto* flag = std::get_if<bool*>(&setting.value)) {
       if (text != "true" && text != "false") return false;
       **flag = text == "true";
+    } else if (const auto* choice = std::get_if<Choice*>(&setting.value)) {
+      if (text != "true" && text != "false" && text != "auto") return false;
+      **choice = text == "auto" ? Choice::kAuto : text == "true" ? Choice::kOn : Choice::kOff;
     } else if (const auto* integer = std::get_if<int64_t*>(&setting.value)) {
       if (!ParseNumber(text, **integer)) return false;
     } else if (const auto* number = std::get_if<double*>(&setting.value)) {

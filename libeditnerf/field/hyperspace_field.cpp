@@ -29,21 +29,21 @@ Bf16Unit ProductUnit(const std::string& kernel) {
 
 std::shared_ptr<HyperspaceNetwork> MakeNetwork(const HyperspaceFieldOptions& options, int64_t ambient_dim) {
   const FieldConfig& config = options.config;
-  const int64_t appearance_dim = config.use_appearance ? config.appearance_dim : 0;
+  const int64_t appearance_dim = config.HasAppearance() ? config.appearance_dim : 0;
   if (config.kind == "fast") {
     FastHyperspaceOptions fast;
     fast.config = config.fast;
     fast.box = options.box;
     fast.ambient_dim = ambient_dim;
     if (options.stage == FieldStage::kTrain) fast.num_key_points = options.num_key_points;
-    fast.use_direction = config.use_view_direction;
+    fast.use_direction = config.HasViewDirection();
     fast.appearance_dim = appearance_dim;
     return std::make_shared<FastHyperspace>(fast);
   }
   if (config.kind != "paper") Throw<ConfigError>("field.kind: expected 'paper' or 'fast', found '{}'", config.kind);
   HyperspaceInputs inputs;
   inputs.ambient_dim = ambient_dim;
-  if (config.use_view_direction) inputs.direction_octaves = config.direction_octaves;
+  if (config.HasViewDirection()) inputs.direction_octaves = config.direction_octaves;
   inputs.appearance_dim = appearance_dim;
   return std::make_shared<HyperspaceNerfImpl>(config.nerf, inputs);
 }
@@ -59,11 +59,11 @@ HyperspaceField::HyperspaceField(const HyperspaceFieldOptions& options) : option
   const FieldConfig& config = options_.config;
   const bool pretrain = options_.stage == FieldStage::kPretrain;
   const int64_t num_frames = options_.num_frames, num_key_points = options_.num_key_points;
-  if (config.warp.enabled) warp_ = register_module("warp", WarpField(config.warp));
-  if (config.warp.enabled || pretrain) {
+  if (config.HasWarp()) warp_ = register_module("warp", WarpField(config.warp));
+  if (config.HasWarp() || pretrain) {
     warp_codes_ = register_module("warp_codes", FrameCodes(num_frames, config.warp.code_dim, config.code_init));
   }
-  if (config.use_appearance) {
+  if (config.HasAppearance()) {
     appearance_codes_ =
         register_module("appearance_codes", FrameCodes(num_frames, config.appearance_dim, config.code_init));
   }
@@ -152,7 +152,7 @@ HyperspaceInput HyperspaceField::ToHyperspace(const FieldInput& input, const Fra
 FieldOutput HyperspaceField::Evaluate(const FieldInput& input, const FrameStates& states, Level level) {
   FieldOutput output;
   HyperspaceInput inner = ToHyperspace(input, states, &output);
-  if (options_.config.use_view_direction) inner.direction = input.direction;
+  if (options_.config.HasViewDirection()) inner.direction = input.direction;
   if (appearance_codes_) inner.appearance = RowsOf(states.appearance_code, input.state, "appearance codes");
   const HyperspaceOutput result = (level == Level::kCoarse && coarse_ ? coarse_ : fine_)->Evaluate(inner);
   output.density = result.density;

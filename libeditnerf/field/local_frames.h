@@ -33,9 +33,6 @@ class LocalFramesImpl : public torch::nn::Module {
 
   int64_t num_key_points() const { return hidden_weight_.size(0); }
 
-  // Buffer [N]: 1 where the known turns are all about one axis, as those of a hinge are, else 0.
-  torch::Tensor about_one_axis;
-
  private:
   torch::Tensor Hidden(const torch::Tensor& coordinates) const;  // [N, F, H]
 
@@ -48,9 +45,6 @@ TORCH_MODULE(LocalFrames);
 // -> sum_i w^i R^i (x - k^i), [S, 3]. Throws ShapeError.
 torch::Tensor InLocalFrames(const torch::Tensor& x, const torch::Tensor& weights, const torch::Tensor& key_points,
                             const torch::Tensor& frames, const torch::Tensor& state);
-
-// turns [T, N, 3], rotation vectors -> [N] bool: whether all are about one axis, to a thousandth of the largest.
-torch::Tensor AreAboutOneAxis(const torch::Tensor& turns);
 
 // The same turns [T, N, 3], of rotations in [0, pi], without jumps: each is near that of the frame before, by whole
 // turns about its axis.

@@ -143,6 +143,18 @@ void AddStages(const fs::path& work, ReportContents* report) {
   report->facts.emplace_back("time before this report", SpokenDuration(total));
 }
 
+void AddComponents(const fs::path& work, ReportContents* report) {
+  ReportTable table;
+  table.title = "What this scene needs of the field";
+  table.headers = {"component", "decided", "held out without, dB", "with, dB", "why"};
+  const nlohmann::ordered_json components = ReadIfThere(work / "run" / "components.json");
+  for (const auto& [setting, trial] : components.items()) {
+    table.rows.push_back({setting, trial.value("on", false) ? "on" : "off", Number(trial, "without", "{:.2f}"),
+                          Number(trial, "with", "{:.2f}"), trial.value("reason", "")});
+  }
+  if (!table.rows.empty()) report->tables.push_back(table);
+}
+
 void AddSkippedSteps(const fs::path& work, ReportContents* report) {
   for (const auto& [folder, stage] : {std::pair{"pretrained", "pretraining"}, std::pair{"run", "training"}}) {
     if (!fs::exists(work / folder / "checkpoint.safetensors")) continue;
@@ -208,6 +220,7 @@ void WriteRunReport(const fs::path& work, const Scene& scene, torch::Device devi
                                 scene.height(), Machine());
   report.facts.emplace_back("key points", std::to_string(run.field->num_key_points()));
   AddScores(scores, &report);
+  AddComponents(work, &report);
   AddStages(work, &report);
   AddSkippedSteps(work, &report);
   AddDetectionNotes(work, &report);

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/base/file.h"
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/progress.h"
 #include "libeditnerf/config/yaml.h"
@@ -12,6 +13,7 @@
 #include "libeditnerf/imaging/json_file.h"
 #include "libeditnerf/imaging/key_point_files.h"
 #include "libeditnerf/imaging/scene_folder.h"
+#include "libeditnerf/pipeline/component_trials.h"
 #include "libeditnerf/render/image_renderer.h"
 #include "libeditnerf/scene/packed_scene.h"
 #include "libeditnerf/tracking/clip.h"
@@ -31,6 +33,7 @@ namespace fs = std::filesystem;
 // Surface maps are marched in finer steps than pictures: the median depth is known to half a step only, and near the
 // camera a step of training is some percent of the depth.
 constexpr int64_t kFinerSurfaces = 3;
+constexpr double kLeastShareLeft = 0.5;    // of training's seconds, however long its trials took
 constexpr int64_t kMeasuredSurfaces = 16;  // frames whose depth is compared with the truth
 
 bool HasCheckpoint(const fs::path& folder) { return fs::exists(folder / "checkpoint.safetensors"); }
@@ -198,7 +201,7 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
     const RenderedImage image = RenderSurface(run, scene, t, factor);
     store(image.depth, t, &maps.depth);
     store(image.ambient, t, &maps.ambient);
-    if (run.config.field.warp.enabled) store(image.x_canonical, t, &maps.x_canonical);
+    if (run.config.field.HasWarp()) store(image.x_canonical, t, &maps.x_canonical);
     bar.Update(static_cast<double>(t + 1));
   }
   bar.Finish();
@@ -263,7 +266,16 @@ void RunTraining(const Scene& scene, const StageRequest& request, const fs::path
   if (detected.tracks.size(1) == 0) {
     LogWarning("{}: no key points (data/k_points_auto.txt); training a static scene", detection_folder.string());
   }
-  RunTraining(scene, request, std::move(detected));
+  StageRequest decided = request;
+  if (!request.resume || !HasCheckpoint(request.out)) {
+    const ComponentTrials trials = DecideComponents(scene, request, detected);
+    decided.config = trials.config;
+    double& seconds = decided.config.train.seconds;
+    if (seconds > 0) seconds = std::max(seconds - trials.seconds, kLeastShareLeft * seconds);
+    MakeFolder(request.out);
+    if (!trials.trials.empty()) WriteJson(request.out / "components.json", ToJson(trials));
+  }
+  RunTraining(scene, decided, std::move(detected));
 }
 
 void RunTraining(const Scene& scene, const StageRequest& request, DetectedKeyPoints detected) {

@@ -40,6 +40,8 @@ void CheckTraining(const Config& config);
 
 // Trains the editable field from the key points, flow and depth that detection left in the scene folder (or in
 // `detection_folder`), and writes RUN. A scene without key points is trained as a static one, with a warning.
+// Components of the field that are left to `auto` are decided first (component_trials.h), within the stage's seconds,
+// and RUN/components.json says how.
 void RunTraining(const Scene& scene, const StageRequest& request, const std::filesystem::path& detection_folder);
 
 // How far the depth is off that the run sees in 16 training views, in their full size: the maps of all views are
@@ -59,7 +61,8 @@ struct DetectedKeyPoints {
 };
 DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const std::filesystem::path& folder);
 
-// RunTraining with these instead of what lies in a folder.
+// RunTraining with these instead of what lies in a folder, and without trials: what is left to `auto` stays as it is
+// while undecided.
 void RunTraining(const Scene& scene, const StageRequest& request, DetectedKeyPoints detected);
 
 }  // namespace editnerf

@@ -17,9 +17,8 @@ struct Update {
 
 bool IsPlain(const torch::Tensor& tensor) { return KernelsTake(tensor) && tensor.is_contiguous(); }
 
-void StepAnywhere(const Update& u, bool skip_untouched, const torch::Tensor& gradient,
-                  const torch::Tensor& entry_factor, torch::Tensor& parameter, torch::Tensor& first,
-                  torch::Tensor& second) {
+void StepAnywhere(const Update& u, bool skip_untouched, const torch::Tensor& gradient, torch::Tensor& parameter,
+                  torch::Tensor& first, torch::Tensor& second) {
   torch::Tensor touched;
   const torch::Tensor old_first = skip_untouched ? first.clone() : torch::Tensor();
   const torch::Tensor old_second = skip_untouched ? second.clone() : torch::Tensor();
@@ -32,7 +31,6 @@ void StepAnywhere(const Update& u, bool skip_untouched, const torch::Tensor& gra
     second.copy_(torch::where(touched, second, old_second));
     change = torch::where(touched, change, torch::zeros_like(change));
   }
-  if (entry_factor.defined()) change = change * entry_factor;
   parameter.sub_(change);
 }
 
@@ -52,7 +50,7 @@ Adam::Adam(const std::vector<AdamGroup>& groups, const AdamOptions& options) : o
   for (const AdamGroup& group : groups) {
     for (const auto& [name, parameter] : group.parameters) {
       slots_.push_back({name, parameter, torch::zeros_like(parameter).detach(), torch::zeros_like(parameter).detach(),
-                        group.learning_rate_factor, group.entry_factor, group.skip_untouched});
+                        group.learning_rate_factor, group.skip_untouched});
     }
   }
 }
@@ -67,8 +65,8 @@ void Adam::Step(double learning_rate) {
     const torch::Tensor gradient = slot.parameter.grad();
     if (!gradient.defined()) continue;
     update.rate = learning_rate * slot.factor;
-    if (slot.entry_factor.defined() || !IsPlain(slot.parameter) || !IsPlain(gradient)) {
-      StepAnywhere(update, slot.skip_untouched, gradient, slot.entry_factor, slot.parameter, slot.first, slot.second);
+    if (!IsPlain(slot.parameter) || !IsPlain(gradient)) {
+      StepAnywhere(update, slot.skip_untouched, gradient, slot.parameter, slot.first, slot.second);
       continue;
     }
     AdamUpdate plain;

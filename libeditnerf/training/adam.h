@@ -17,7 +17,6 @@ struct AdamGroup {
   std::vector<std::pair<std::string, torch::Tensor>> parameters;  // unique names across groups
   double learning_rate_factor = 1;                                // multiplies the learning rate of each step
   bool skip_untouched = false;  // leave entries with zero gradient alone; Step may clear the gradients that it used
-  torch::Tensor entry_factor;   // multiplies the rate once more, broadcast over the entries; undefined: 1
 };
 
 struct AdamOptions {
@@ -47,7 +46,6 @@ class Adam {
     std::string name;
     torch::Tensor parameter, first, second;
     double factor;
-    torch::Tensor entry_factor;
     bool skip_untouched;
     bool cleared = false;  // by Step
   };

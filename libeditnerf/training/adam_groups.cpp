@@ -12,31 +12,30 @@ bool Contains(const std::string& text, const char* part) { return text.find(part
 // The networks that bend, slice and divide space. At the rate of the hash encodings' small networks their neurons can
 // die: the ambient coordinates of a scene that moves then become one constant.
 bool IsShape(const std::string& name) {
-  return name.rfind("warp.", 0) == 0 || name.rfind("slicing.", 0) == 0 || name.rfind("weights.", 0) == 0 ||
-         name.rfind("local_frames.", 0) == 0;
+  return name.rfind("warp.", 0) == 0 || name.rfind("slicing.", 0) == 0 || name.rfind("weights.", 0) == 0;
 }
+
+// Where parts are and how they turn: found together, and known equally well.
+bool IsMotion(const std::string& name) { return Contains(name, "key_points.") || Contains(name, "local_frames."); }
 
 }  // namespace
 
 std::vector<AdamGroup> AdamGroupsFor(const HyperspaceField& field, const StageConfig& stage) {
-  AdamGroup networks, shape, tables, codes, key_points;
+  AdamGroup networks, shape, tables, codes, motion;
   shape.learning_rate_factor = stage.shape_learning_rate;
   tables.skip_untouched = true;
   codes.learning_rate_factor = stage.code_learning_rate;
-  key_points.learning_rate_factor = stage.key_point_learning_rate;
-  if (field.has_local_frames() && stage.hinge_learning_rate != 1) {
-    const torch::Tensor hinged = field.local_frames()->about_one_axis;
-    key_points.entry_factor = (1 + hinged * (stage.hinge_learning_rate - 1)).view({1, -1, 1});  // of [T, N, 3]
-  }
+  motion.learning_rate_factor = stage.key_point_learning_rate;
   for (const auto& item : field.named_parameters()) {
-    AdamGroup& group = Contains(item.key(), "codes.")        ? codes
-                       : Contains(item.key(), "key_points.") ? key_points
-                       : Contains(item.key(), "_table")      ? tables
-                       : IsShape(item.key())                 ? shape
-                                                             : networks;
-    group.parameters.emplace_back(item.key(), item.value());
+    const std::string& name = item.key();
+    AdamGroup& group = Contains(name, "codes.")   ? codes
+                       : IsMotion(name)           ? motion
+                       : Contains(name, "_table") ? tables
+                       : IsShape(name)            ? shape
+                                                  : networks;
+    group.parameters.emplace_back(name, item.value());
   }
-  return {networks, shape, tables, codes, key_points};
+  return {networks, shape, tables, codes, motion};
 }
 
 AdamOptions AdamOptionsFor(const Config& config) {

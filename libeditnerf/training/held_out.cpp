@@ -1,32 +1,15 @@
 #include "libeditnerf/training/held_out.h"
 
-#include <ATen/CPUGeneratorImpl.h>
-
 #include <cmath>
 
 #include "libeditnerf/scene/timeline.h"
+#include "libeditnerf/training/generator_guard.h"
 
 namespace editnerf {
 namespace {
 
 constexpr int64_t kChunk = 4096;
 constexpr uint64_t kSeed = 2023;  // of the held-out rays: the same in every run
-
-// Restores the default generator when it goes: measuring does not change what training draws.
-class GeneratorGuard {
- public:
-  explicit GeneratorGuard(uint64_t seed)
-      : generator_(at::detail::getDefaultCPUGenerator()), state_(generator_.get_state()) {
-    generator_.set_current_seed(seed);
-  }
-  ~GeneratorGuard() { generator_.set_state(state_); }
-  GeneratorGuard(const GeneratorGuard&) = delete;
-  GeneratorGuard& operator=(const GeneratorGuard&) = delete;
-
- private:
-  at::Generator generator_;
-  at::Tensor state_;
-};
 
 }  // namespace
 

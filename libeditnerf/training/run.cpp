@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 using Tensors = std::map<std::string, torch::Tensor>;
 
 constexpr const char* kFormat = "editnerf checkpoint";
-constexpr int kVersion = 3;
+constexpr int kVersion = 4;
 // The local occupancy grid covers the whole reach of a part's own coordinates, not the share that the local hash
 // encoding refines.
 constexpr double kLocalReach = 1.0;
@@ -149,7 +149,7 @@ int64_t FewestNumbers(const Config& config, FieldStage stage, int64_t key_points
   } else {
     numbers += 2 * BetweenLayers(field.nerf.depth, field.nerf.width);  // coarse and fine
   }
-  if (field.warp.enabled) numbers += BetweenLayers(field.warp.depth, field.warp.width);
+  if (field.HasWarp()) numbers += BetweenLayers(field.warp.depth, field.warp.width);
   if (pretrain) numbers += BetweenLayers(field.slicing.depth, field.slicing.width);
   if (!pretrain && key_points > 1) numbers += BetweenLayers(field.weights.depth, field.weights.width);
   const int64_t cells = config.render.occupancy_resolution;
@@ -212,7 +212,7 @@ Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const to
   run.device = device;
   KeyPointSetup key_points;
   if (initial_tracks.defined()) key_points = {initial_tracks.size(1), initial_tracks, {}, false};
-  const bool frames = config.field.kind == "fast" && config.field.fast.local_frames && key_points.count > 0;
+  const bool frames = config.field.HasLocalFrames() && key_points.count > 0;
   if (frames) key_points.turns = initial_turns;
   Build(&run, BoxOf(scene), key_points);
   return run;

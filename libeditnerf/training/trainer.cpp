@@ -124,7 +124,7 @@ NamedTensors Trainer::RayLosses(const RayBatch& rays, const torch::Tensor& targe
   *samples = result.samples;
   NamedTensors losses;
   losses.emplace_back("reconstruction", ReconstructionLoss(result.rgb, result.rgb_coarse, target));
-  if (run_.config.field.warp.enabled && stage_.lambda_warp > 0) {
+  if (run_.config.field.HasWarp() && stage_.lambda_warp > 0) {
     losses.emplace_back(
         "warp", stage_.lambda_warp * WarpRegularisation(result.x_observed, result.x_canonical, result.depth_valid));
   }
@@ -168,7 +168,7 @@ StepInput Trainer::Draw() {
   const int64_t count = batch.frame.size(0);
   RayOptions& options = input.options;
   options.training = true;
-  options.surface = stage_.lambda_ambient > 0 || run_.config.field.warp.enabled;
+  options.surface = stage_.lambda_ambient > 0 || run_.config.field.HasWarp();
   options.distortion = stage_.lambda_distortion > 0;
   if (stage_.lambda_depth > 0) {
     options.distance = batch.distance;

@@ -89,12 +89,21 @@ TEST_CASE("a file changes what it names and nothing else") {
       "pretrain: *stage\n",
       "some.yaml");
   Config expected;
-  expected.field.warp.enabled = false;
+  expected.field.warp.enabled = Choice::kOff;
   expected.field.warp.depth = 5;
   expected.field.kind = "fast";
   expected.train.steps = expected.pretrain.steps = 12;
   expected.train.learning_rate = expected.pretrain.learning_rate = 2e-3;
   CHECK(ToYaml(config) == ToYaml(expected));
+}
+
+TEST_CASE("a component is there, is not, or is left open") {
+  for (const auto& [text, choice] :
+       {std::pair{"true", Choice::kOn}, {"false", Choice::kOff}, {"auto", Choice::kAuto}}) {
+    const Config config = LoadConfigText(std::string("field: {use_appearance: ") + text + "}", "some.yaml");
+    CHECK(config.field.use_appearance == choice);
+    CHECK(LoadConfigText(ToYaml(config), "again.yaml").field.use_appearance == choice);
+  }
 }
 
 TEST_CASE("numbers survive the round trip exactly") {
@@ -132,6 +141,8 @@ TEST_CASE("wrong types say what was expected and found") {
   CHECK(LoadError("train:\n  skip_interval: 1\n").find("did you mean 'detect.skip_interval'?") != std::string::npos);
   CHECK(LoadError("detect:\n  refine: yes\n") ==
         "configs/dice.yaml:2: 'detect.refine': expected true or false, found 'yes'");
+  CHECK(LoadError("field:\n  use_appearance: maybe\n") ==
+        "configs/dice.yaml:2: 'field.use_appearance': expected true, false or auto, found 'maybe'");
   CHECK(LoadError("train: 5\n") == "configs/dice.yaml:1: 'train': expected a group of settings, found '5'");
   CHECK(LoadError("- 5\n") == "configs/dice.yaml:1: expected a group of settings, found a list");
   CHECK(LoadError("? [1]\n: 2\n") == "configs/dice.yaml:1: expected a name, found a list");

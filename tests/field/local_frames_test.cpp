@@ -39,7 +39,7 @@ TEST_CASE("known turns are followed between the frames and a little beyond, by r
     expected.select(1, 0).select(1, 1).copy_(angle);
     return (found - expected).norm(2, -1).max().item<double>() * 180 / M_PI;
   };
-  CHECK(worst(0, 100) < 1.5);
+  CHECK(worst(0, 100) < 0.3);
   CHECK(worst(100, 108) < 6);
   const torch::Tensor r = frames->forward(way.points);
   CHECK(torch::allclose(torch::matmul(r, r.transpose(2, 3)), torch::eye(3).expand_as(r), 0, 1e-5));
@@ -47,7 +47,7 @@ TEST_CASE("known turns are followed between the frames and a little beyond, by r
   const torch::Tensor half = torch::stack({0.5 * way.angle.cos(), torch::zeros({50}), -0.5 * way.angle.sin()}, 1);
   const torch::Tensor own =
       InLocalFrames(half, torch::tensor({1.0F, 0.0F}).expand({50, 2}), way.points, r, torch::arange(50, torch::kInt64));
-  CHECK((own - own[0]).norm(2, 1).max().item<double>() < 0.02);
+  CHECK((own - own[0]).norm(2, 1).max().item<double>() < 0.005);
 }
 
 TEST_CASE("local frames turn x - k by the samples' own states and weights") {
@@ -81,18 +81,6 @@ TEST_CASE("local frames are differentiable at no turn at all, and refuse what is
   turns[2][1][0] = NAN;
   CHECK_THROWS_AS(LocalFrames(at.detach(), turns), DataError);
   CHECK_THROWS_AS(LocalFrames(at.detach(), turns.slice(0, 1)), ShapeError);
-}
-
-TEST_CASE("turns about one axis are told from others, and from none") {
-  const torch::Tensor angle = torch::linspace(-1, 2, 20).view({20, 1});
-  const torch::Tensor hinge = angle * torch::tensor({{0.6F, 0.0F, -0.8F}});
-  torch::Tensor other = hinge.clone();
-  other[7][1] += 0.05F;
-  const torch::Tensor turns = torch::stack({hinge, other, torch::zeros({20, 3})}, 1);
-  const torch::Tensor found = AreAboutOneAxis(turns);
-  CHECK(torch::equal(found, torch::tensor({true, false, false})));
-  LocalFrames frames(torch::rand({20, 3, 3}), turns);
-  CHECK(torch::equal(frames->about_one_axis, torch::tensor({1.0F, 0.0F, 0.0F})));
 }
 
 TEST_CASE("turns are unwrapped past half and whole turns, about any axis") {

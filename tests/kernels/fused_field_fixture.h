@@ -37,9 +37,9 @@ inline HyperspaceFieldOptions OptionsFor(const Setting& setting) {
   HyperspaceFieldOptions options;
   FieldConfig& config = options.config;
   config.kind = "fast";
-  config.warp.enabled = false;
-  config.use_appearance = setting.appearance;
-  config.use_view_direction = setting.direction;
+  config.warp.enabled = Choice::kOff;
+  config.use_appearance = setting.appearance ? Choice::kOn : Choice::kOff;
+  config.use_view_direction = setting.direction ? Choice::kOn : Choice::kOff;
   config.code_init = 0.5;
   config.slicing.num_octaves = 3, config.slicing.depth = 2, config.slicing.width = 24, config.slicing.skip_layer = 0;
   config.slicing.output_init = 0.3;

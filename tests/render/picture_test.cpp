@@ -23,8 +23,8 @@ std::shared_ptr<HyperspaceField> SmoothField(int64_t key_points, double bias, do
   FieldConfig& config = options.config;
   config.kind = "fast";
   config.fast.kernel = kernel;
-  config.warp.enabled = false;
-  config.use_appearance = false;
+  config.warp.enabled = Choice::kOff;
+  config.use_appearance = Choice::kOff;
   HashEncodingConfig& hash = config.fast.canonical_hash;
   hash.num_levels = 3, hash.log2_table_size = 10, hash.base_resolution = 2, hash.finest_resolution = 6;
   config.fast.local_hash = hash;

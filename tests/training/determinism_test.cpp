@@ -41,7 +41,7 @@ std::vector<Case> AllCases() {
     add(kernel, config);
   }
   Config warped = SmallFast();
-  warped.field.warp.enabled = true;
+  warped.field.warp.enabled = Choice::kOn;
   add("warped", warped);
   add("paper", Load("tiny"));
   return cases;

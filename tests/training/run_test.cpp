@@ -63,7 +63,7 @@ TEST_CASE("a checkpoint that announces sizes which it does not have is refused b
         config->field.fast.local_hash = {32, 8, 24, 16, 512};
       },
       [](Config* config) {
-        config->field.warp = {true, 6, 80000, 32, 4096};
+        config->field.warp = {Choice::kOn, 6, 80000, 32, 4096};
       },
       [](Config* config) { config->render.occupancy_resolution = 512; },
       [](Config* config) {

@@ -130,7 +130,7 @@ TEST_CASE("after repeated failure weights, moments and occupancy are those of th
 
 TEST_CASE("going back takes the optimiser's moments along") {
   const Run run = TinyRun(SmallFast());
-  Adam adam({{run.field->named_parameters().pairs(), 1, false, {}}}, AdamOptions());
+  Adam adam({{run.field->named_parameters().pairs(), 1, false}}, AdamOptions());
   const auto step = [&](double gradient) {
     for (const auto& item : run.field->named_parameters()) {
       item.value().mutable_grad() = torch::full_like(item.value(), gradient);

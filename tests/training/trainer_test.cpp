@@ -150,7 +150,7 @@ TEST_CASE("a run whose part turns comes back with its local frames") {
   const Run back = LoadRun(folder);
   REQUIRE(back.field->has_local_frames());
   CHECK(torch::equal(back.field->LocalFramesOf(TrueTracks(scene)), after));
-  config.field.fast.local_frames = false;
+  config.field.fast.local_frames = Choice::kOff;
   CHECK(!MakeRun(config, FieldStage::kTrain, scene, TrueTracks(scene), torch::kCPU, turns).field->has_local_frames());
   fs::remove_all(folder);
 }

@@ -13,8 +13,8 @@ namespace {
 Config SmallConfig(const char* kind) {
   Config config;
   config.field.kind = kind;
-  config.field.warp.enabled = false;
-  config.field.use_appearance = false;
+  config.field.warp.enabled = Choice::kOff;
+  config.field.use_appearance = Choice::kOff;
   config.render.sampler = "occupancy";
   config.render.occupancy_resolution = 8;
   HashEncodingConfig& hash = config.field.fast.canonical_hash;
