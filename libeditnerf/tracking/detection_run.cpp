@@ -6,6 +6,7 @@
 #include "libeditnerf/tracking/clip.h"
 #include "libeditnerf/tracking/flow_cache.h"
 #include "libeditnerf/tracking/motion_flow.h"
+#include "libeditnerf/tracking/steady_places.h"
 #include "libeditnerf/tracking/still_depth.h"
 #include "libeditnerf/tracking/still_flow.h"
 
@@ -50,6 +51,10 @@ DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, 
     LogInfo("rigid parts: {} places known", run.detection.part_depth.size());
     LogDepthTargetErrors(scene, run.detection.part_depth);
   }
+  const int64_t unsteady =
+      MarkUnsteadyPlaces(MakeClip(scene, run.depth, run.flows), run.detection.part_depth, &run.still_depth);
+  LogInfo("{} of {} places that stand still are on parts at rest, or in light that changes", unsteady,
+          run.still_depth.size());
   if (config.refine && run.detection.count() > 0) {
     run.refined = RefineTracks(MakeClip(scene, run.depth, run.flows), &run.detection);
   }

@@ -8,7 +8,7 @@ namespace editnerf {
 namespace {
 
 constexpr int64_t kGuidedShare = 4;  // one in so many rays goes through a pixel of known distance
-constexpr double kBefore = 0.9;      // share of the distance to a known place, before which other parts may move
+constexpr double kBefore = 0.98;     // share of the distance to a known place, before which other parts may move
 constexpr int64_t kRayGrain = 256;   // rays that are worth another thread
 
 void Put(const Vec3& value, float* to) {

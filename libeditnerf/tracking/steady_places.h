@@ -1,0 +1,19 @@
+// Which known places look the same in every state of the scene: those that rays may go through under key points drawn
+// anew (train.still_share).
+//
+// Standing still is not enough. A part that rests for a while is triangulated with everything else, and is gone under
+// another key point; and over the floor beside it its shadow passes, which no edit would show any more.
+#pragma once
+
+#include "libeditnerf/tracking/clip.h"
+#include "libeditnerf/training/depth_targets.h"
+
+namespace editnerf {
+
+// Marks the others among `still` kNotCarried, whose distances hold as before, and returns how many they are:
+//   - places beside one of `parts` in its frame, as far away;
+//   - places of which some of the clip's frames see the same hue, but darker or lighter than the rest of the scene is
+//     there: patches of 5 x 5 pixels, so that another thing before the place, of another hue, says nothing.
+int64_t MarkUnsteadyPlaces(const Clip& clip, const DepthTargets& parts, DepthTargets* still);
+
+}  // namespace editnerf
