@@ -46,7 +46,7 @@ TEST_CASE("shares of the rays go through places that stand still or are carried,
     for (int64_t i = 40 - drawn; i < 40; ++i) {
       const bool stands = batch.carrier[i - 40 + drawn].item<int64_t>() == kStandsStill;
       CHECK(batch.frame[i].item<int64_t>() == (stands ? 1 : 3));
-      CHECK(batch.start[i].item<float>() == Approx(stands ? 0.45 : 0.63));
+      CHECK(batch.start[i].item<float>() == Approx(stands ? 0.49 : 0.686));
       const torch::Tensor color = stands ? scene.images[scene.train[1]][2][5] : scene.images[scene.train[3]][7][11];
       CHECK(torch::allclose(batch.target[i], color.to(torch::kFloat32) / 255));
     }
