@@ -66,8 +66,8 @@ Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision>
 
 void Trainer::SetKnownPlaces(const DepthTargets& places) {
   if (run_.field->num_key_points() == 0) return;
-  // Parts that turn: carried along by turns that are known to several degrees only, a ray would miss what it saw; and
-  // key points drawn anew lie beside the arc, where a part that is not there hides what stands still.
+  // Parts that turn are lit otherwise at every angle: a ray carried along asks for a colour that is not there. And key
+  // points drawn anew lie beside the arc, where a part that is not there hides what stands still.
   if (run_.field->has_local_frames()) return;
   rays_.SetKnownPlaces(places, stage_.still_share, stage_.carried_share);
 }
