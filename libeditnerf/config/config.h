@@ -102,7 +102,7 @@ struct StageConfig {
       "weight of missing the static scene's triangulated distances, as a share of them (pretraining)", AtLeast(0));
     v("still_share", still_share,
       "share of the rays that go through places known to stand still and must show them with the key points anywhere "
-      "(training; not where parts turn)",
+      "(training)",
       Between(0.0, 0.4));
     v("carried_share", carried_share,
       "share of the rays that go through places of a part that moves, carried along with it to where it was at other "

@@ -66,10 +66,8 @@ Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision>
 
 void Trainer::SetKnownPlaces(const DepthTargets& places) {
   if (run_.field->num_key_points() == 0) return;
-  // Parts that turn are lit otherwise at every angle: a ray carried along asks for a colour that is not there. And key
-  // points drawn anew lie beside the arc, where a part that is not there hides what stands still.
-  if (run_.field->has_local_frames()) return;
-  rays_.SetKnownPlaces(places, stage_.still_share, stage_.carried_share);
+  // Parts that turn are lit otherwise at every angle: a ray carried along asks for a colour that is not there.
+  rays_.SetKnownPlaces(places, stage_.still_share, run_.field->has_local_frames() ? 0 : stage_.carried_share);
 }
 
 void Trainer::Resume(const std::map<std::string, torch::Tensor>& extra) {
@@ -145,7 +143,7 @@ FrameStates Trainer::AllStates() const {
 torch::Tensor Trainer::DrawStates(RayTargets* batch) {
   const torch::NoGradGuard no_grad;
   const torch::Tensor known = AllStates().key_points;
-  torch::Tensor drawn = DrawKeyPoints(known, batch->carrier);
+  torch::Tensor drawn = DrawKeyPoints(known, batch->carrier, run_.field->has_local_frames());
   const int64_t first = batch->frame.size(0) - batch->drawn;
   const torch::Tensor carrier = batch->carrier.clamp_min(0), row = torch::arange(batch->drawn, batch->frame.options());
   const torch::Tensor shift = drawn.index({row, carrier}) - known.index({batch->frame.slice(0, first), carrier});
