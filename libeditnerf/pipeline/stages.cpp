@@ -272,8 +272,10 @@ void RunTraining(const Scene& scene, const StageRequest& request, const fs::path
     decided.config = trials.config;
     double& seconds = decided.config.train.seconds;
     if (seconds > 0) seconds = std::max(seconds - trials.seconds, kLeastShareLeft * seconds);
-    MakeFolder(request.out);
-    if (!trials.trials.empty()) WriteJson(request.out / "components.json", ToJson(trials));
+    if (!trials.trials.empty()) {
+      MakeFolder(request.out);
+      WriteJson(request.out / "components.json", ToJson(trials));
+    }
   }
   RunTraining(scene, decided, std::move(detected));
 }
