@@ -59,7 +59,8 @@ const link = new Link({
       element('status').textContent = `${picture.width} x ${picture.height}, ${picture.milliseconds.toFixed(0)} ms`;
     }
     if (first) stage.layOut();
-    requestAnimationFrame(draw); // the next request goes first
+    requestAnimationFrame(() => stage.draw()); // the next request goes first
+    drawSoon(picture?.preview && !first);
   },
   mistake: (message) => editor.say(message),
   gone(error) {
@@ -92,6 +93,18 @@ function restore() {
       'trail and what could be undone are gone.',
   );
 }
+
+// What does not have to keep up with the hand: five times a second while previews follow each other, since whoever
+// draws here takes the processor from the next picture.
+function drawSoon(busy) {
+  clearTimeout(drawSoon.timer);
+  const wait = busy ? Math.max(0, drawSoon.last + 200 - performance.now()) : 0;
+  drawSoon.timer = setTimeout(() => {
+    drawSoon.last = performance.now();
+    draw();
+  }, wait);
+}
+drawSoon.last = 0;
 
 function draw() {
   const { state, scene } = editor;

@@ -1,6 +1,8 @@
 // The picture and the key points on it.
 
 const SVG = 'http://www.w3.org/2000/svg';
+// The pointer as soon as it moves, not only before the page's next frame, which waits for the last one to be drawn.
+const MOVES = 'onpointerrawupdate' in window ? 'pointerrawupdate' : 'pointermove';
 const LEVELS = { near: 'seen', far: 'far', beyond: 'beyond' };
 
 function svg(name, attributes, parent) {
@@ -34,7 +36,8 @@ class Stage {
       svg('circle', { class: 'edge', r: 11.5 }, group);
       svg('text', {}, group).textContent = n + 1;
       group.addEventListener('pointerdown', (event) => this.start(event, n));
-      group.addEventListener('pointermove', (event) => this.move(event));
+      group.addEventListener(MOVES, (event) => this.move(event));
+      group.addEventListener('pointermove', () => this.drag?.going && this.draw());
       for (const end of ['pointerup', 'pointercancel']) group.addEventListener(end, () => this.end());
       group.addEventListener('wheel', (event) => this.wheel(event, n), { passive: false });
       group.addEventListener('keydown', (event) => this.key(event));
@@ -187,7 +190,6 @@ class Stage {
       operations.push({ do: 'move', key_point: n, u: at[0], v: at[1], gesture: drag.gesture });
     }
     editor.send(operations, event.timeStamp);
-    this.draw();
   }
 
   end() {

@@ -120,11 +120,21 @@ class Trail {
     if (some) this.part['download-edit'].href = addressOf('api/trail', { fps: this.part.fps.value });
     else this.part['download-edit'].removeAttribute('href'); // nor can it have the focus
     this.drawTime();
-    const { ticks } = this.part;
+    this.drawTicks();
+  }
+
+  // Anew only where they, the place for them or the colours have changed.
+  drawTicks() {
+    const { times, duration } = this.trail,
+      { ticks } = this.part;
+    const color = getComputedStyle(ticks).color;
+    const key = JSON.stringify([times, ticks.clientWidth, devicePixelRatio, color]);
+    if (key === this.drawnTicks) return;
+    this.drawnTicks = key;
     ticks.width = ticks.clientWidth * devicePixelRatio;
     ticks.height = ticks.clientHeight * devicePixelRatio;
     const pen = ticks.getContext('2d');
-    pen.fillStyle = getComputedStyle(ticks).color;
+    pen.fillStyle = color;
     const margin = 8 * devicePixelRatio; // half of the slider's knob
     for (const time of times) {
       pen.fillRect(

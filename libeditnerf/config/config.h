@@ -65,18 +65,19 @@ struct StageConfig {
   double reference_width = 320;          // image width that lambda_motion's pixels refer to
   double lambda_geometry = 0.5;
   double lambda_warp = 0.1;
-  double lambda_ambient = 0;        // of the squared ambient coordinates at surface points (pretraining)
-  double lambda_distortion = 0;     // of the distortion loss of mip-NeRF 360, in normalised ray distance
-  double lambda_depth = 0;          // of the share of the depth by which a known distance is missed
-  double still_share = 0;           // of the rays: through what stands still, under key points drawn anew
-  double carried_share = 0;         // of the rays: through what a key point carries, carried along to other states
-  int64_t trial_steps = 500;        // of training, for every component of the field that is left to auto; 0: no trials
-  bool warm_start = false;          // of training: begin with the static scene that pretraining found
-  bool random_background = false;   // composite on random colours after 200 steps
-  int64_t log_every = 50;           // steps
-  int64_t evaluate_every = 2000;    // steps between held-out measurements; 0: none
-  int64_t checkpoint_every = 5000;  // steps
-  bool dump_bad_steps = false;      // write down the first steps that are not finite
+  double lambda_ambient = 0;     // of the squared ambient coordinates at surface points (pretraining)
+  double lambda_distortion = 0;  // of the distortion loss of mip-NeRF 360, in normalised ray distance
+  double lambda_depth = 0;       // of the share of the depth by which a known distance is missed
+  double still_share = 0;        // of the rays: through what stands still, under key points drawn anew
+  double carried_share = 0;      // of the rays: through what a key point carries, carried along to other states
+  int64_t trial_steps = 500;     // for every component of the field that is left to auto; 0: no trials
+  Choice merge_key_points = Choice::kOff;  // those that move as one part, in training
+  bool warm_start = false;                 // of training: begin with the static scene that pretraining found
+  bool random_background = false;          // composite on random colours after 200 steps
+  int64_t log_every = 50;                  // steps
+  int64_t evaluate_every = 2000;           // steps between held-out measurements; 0: none
+  int64_t checkpoint_every = 5000;         // steps
+  bool dump_bad_steps = false;             // write down the first steps that are not finite
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -109,8 +110,11 @@ struct StageConfig {
       "times, and must show the same there, with the other parts' key points anywhere (training; not where parts turn)",
       Between(0.0, 0.35));
     v("trial_steps", trial_steps,
-      "steps of each short training that decides a component of the field left to auto; 0 for none (training)",
-      AtLeast(0));
+      "steps of each short training that decides a component of the field left to auto; 0 for none", AtLeast(0));
+    v("merge_key_points", merge_key_points,
+      "merge key points that move as one rigid part: true, false, or auto, where held-out pixels do not miss the "
+      "second "
+      "one (training)");
     v("warm_start", warm_start,
       "begin with the static scene that pretraining found, where the field is of the same kind (training)");
     v("random_background", random_background, "composite on random colours once the field has taken shape");

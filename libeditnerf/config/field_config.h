@@ -56,16 +56,19 @@ struct WeightNetworkConfig {
 
 // Slicing network a = S(x, beta_t) of the pretrained HyperNeRF.
 struct SlicingNetworkConfig {
-  int64_t ambient_dim = 3;
+  int64_t ambient_dim = 3;  // 0: undecided
   int64_t num_octaves = 6;
   int64_t depth = 6;
   int64_t width = 64;
   int64_t skip_layer = 4;
   double output_init = 1e-5;
 
+  int64_t AmbientDim() const { return ambient_dim > 0 ? ambient_dim : 3; }  // while undecided too
+
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("ambient_dim", ambient_dim, "ambient coordinates", Between(1, 16));
+    v("ambient_dim", ambient_dim,
+      "ambient coordinates; 0 for as many as held-out pixels gain by, decided before pretraining", Between(0, 16));
     v("num_octaves", num_octaves, "octaves of the positional encoding of x, beside the identity", Between(0, 20));
     v("depth", depth, "hidden layers", Between(1, 32));
     v("width", width, "neurons per hidden layer", Between(1, 4096));

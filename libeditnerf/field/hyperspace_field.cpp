@@ -70,7 +70,7 @@ HyperspaceField::HyperspaceField(const HyperspaceFieldOptions& options) : option
   int64_t ambient_dim = 0;
   if (pretrain) {
     slicing_ = register_module("slicing", SlicingNetwork(config.slicing, config.warp.code_dim));
-    ambient_dim = config.slicing.ambient_dim;
+    ambient_dim = config.slicing.AmbientDim();
   } else if (num_key_points > 0) {
     if (options_.initial_tracks.defined()) {
       CheckShape(options_.initial_tracks, {num_frames, num_key_points, 3}, "initial key point tracks");

@@ -8,15 +8,15 @@ namespace editnerf {
 SlicingNetworkImpl::SlicingNetworkImpl(const SlicingNetworkConfig& config, int64_t code_dim)
     : code_dim_(code_dim), encoding_(3, config.num_octaves), mlp_(nullptr) {
   if (code_dim < 1) Throw<ConfigError>("slicing network: code_dim: expected 1 or more, found {}", code_dim);
-  if (config.ambient_dim < 1) {
-    Throw<ConfigError>("slicing network: ambient_dim: expected 1 or more, found {}", config.ambient_dim);
+  if (config.ambient_dim < 0) {
+    Throw<ConfigError>("slicing network: ambient_dim: expected 0 or more, found {}", config.ambient_dim);
   }
   MlpOptions options;
   options.in = encoding_.output_dim() + code_dim;
   options.depth = config.depth;
   options.width = config.width;
   options.skip_layer = config.skip_layer;
-  options.out = config.ambient_dim;
+  options.out = config.AmbientDim();
   options.output_init = LayerInit::Normal(config.output_init);
   mlp_ = register_module("mlp", Mlp(options));
 }

@@ -3,11 +3,14 @@
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
 
 #include "libeditnerf/base/clock.h"
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/interrupt.h"
 #include "libeditnerf/base/logging.h"
+#include "libeditnerf/imaging/json_file.h"
 #include "libeditnerf/training/generator_guard.h"
 #include "libeditnerf/training/held_out.h"
 #include "libeditnerf/training/trainer.h"
@@ -19,6 +22,7 @@ constexpr int64_t kRays = 16384;     // held-out pixels
 constexpr uint64_t kSeed = 1;        // of every trial, so that they differ by the component alone
 constexpr double kLeastGain = 0.2;   // dB; runs of the same settings differ by 0.1
 constexpr double kMostShare = 0.15;  // of a stage's seconds that trials may take
+constexpr int64_t kMostAmbient = 4;  // ambient coordinates that are tried
 
 struct Component {
   const char* setting;
@@ -43,73 +47,205 @@ std::vector<Component> OpenComponents(FieldConfig* field, const DetectedKeyPoint
   return open;
 }
 
-// Of half the size of the stage's steps: what a component brings shows early.
-double HeldOutAfterTrial(const Scene& scene, const StageRequest& request, const DetectedKeyPoints& detected,
-                         const Config& config) {
-  const GeneratorGuard guard(kSeed);
-  Config trial = config;
-  trial.train.steps = trial.train.trial_steps;
-  trial.train.seconds = 0;
-  trial.train.dump_bad_steps = false;
-  for (int64_t* batch : {&trial.train.rays_per_step, &trial.train.samples_per_step}) *batch = (*batch + 1) / 2;
-  Trainer trainer(MakeRun(trial, FieldStage::kTrain, scene, detected.tracks, request.device, detected.turns), scene,
-                  detected.supervision, {});
-  trainer.SetKnownPlaces(Joined(detected.still_depth, detected.part_depth));
-  for (int64_t step = 0; step < trial.train.steps; ++step) {
-    trainer.Step();
-    if (InterruptRequested()) Throw<Interrupted>("interrupted while the field's components were tried");
-  }
-  const Run& run = trainer.run();
-  run.field->eval();
-  return *HeldOut(scene, kRays, request.device).Psnr(*run.field, *run.renderer);
+StageConfig& StageOf(FieldStage stage, Config* config) {
+  return stage == FieldStage::kPretrain ? config->pretrain : config->train;
 }
+
+// The short trainings of one stage.
+class ShortTrainings {
+ public:
+  ShortTrainings(const Scene& scene, const StageRequest& request, FieldStage stage)
+      : scene_(scene), request_(request), stage_(stage) {}
+
+  // Held-out PSNR after one, in steps of half the stage's size: what a component brings shows early.
+  double HeldOutAfter(const Config& config, const DetectedKeyPoints& detected, const DepthTargets& depth) const {
+    const GeneratorGuard guard(kSeed);
+    Config trial = config;
+    StageConfig& stage = StageOf(stage_, &trial);
+    stage.steps = stage.trial_steps;
+    stage.seconds = 0;
+    stage.dump_bad_steps = false;
+    for (int64_t* batch : {&stage.rays_per_step, &stage.samples_per_step}) *batch = (*batch + 1) / 2;
+    Trainer trainer(MakeRun(trial, stage_, scene_, detected.tracks, request_.device, detected.turns), scene_,
+                    detected.supervision, {});
+    trainer.SetDepthTargets(depth);
+    trainer.SetKnownPlaces(Joined(detected.still_depth, detected.part_depth));
+    for (int64_t step = 0; step < stage.steps; ++step) {
+      trainer.Step();
+      if (InterruptRequested()) Throw<Interrupted>("interrupted while the field's components were tried");
+    }
+    const Run& run = trainer.run();
+    run.field->eval();
+    return *HeldOut(scene_, kRays, request_.device).Psnr(*run.field, *run.renderer);
+  }
+
+  // Why none is made; empty where they are.
+  std::string WhyNone() const {
+    Config config = request_.config;
+    if (scene_.val.empty()) return "no validation frames to try it on";
+    if (StageOf(stage_, &config).trial_steps > 0) return "";
+    return stage_ == FieldStage::kPretrain ? "pretrain.trial_steps is 0" : "train.trial_steps is 0";
+  }
+  // The same for so many, after one that took `seconds`.
+  std::string WhyTooMany(double seconds, size_t count) const {
+    Config config = request_.config;
+    const double all = seconds * static_cast<double>(count), limit = StageOf(stage_, &config).seconds;
+    if (limit == 0 || all <= kMostShare * limit) return "";
+    return fmt::format("trying takes {:.0f} s, more than {:.0f} % of the training time", all, 100 * kMostShare);
+  }
+
+ private:
+  const Scene& scene_;
+  const StageRequest& request_;
+  FieldStage stage_;
+};
+
+std::string KeyPointSetting(int64_t detected) { return fmt::format("key point {}", detected + 1); }
 
 std::string GainText(double gain) {
   return gain > kLeastGain ? fmt::format("{:+.2f} dB", gain)
                            : fmt::format("{:+.2f} dB, expected more than {:.1f}", gain, kLeastGain);
 }
 
-}  // namespace
+void Say(const ComponentTrial& trial) { LogInfo("{}: {} ({})", trial.setting, trial.on ? "on" : "off", trial.reason); }
 
-ComponentTrials DecideComponents(const Scene& scene, const StageRequest& request, const DetectedKeyPoints& detected) {
-  const Stopwatch clock;
-  ComponentTrials decided;
-  decided.config = request.config;
-  Config& config = decided.config;
-  const std::vector<Component> open = OpenComponents(&config.field, detected);
-  if (open.empty()) return decided;
-  for (const Component& component : open) *component.choice = Choice::kOff;
-
-  const StageConfig& stage = config.train;
-  std::string untried = scene.val.empty()        ? "no validation frames to try it on"
-                        : stage.trial_steps == 0 ? "train.trial_steps is 0"
-                                                 : "";
-  double best = 0;
-  if (untried.empty()) {
-    best = HeldOutAfterTrial(scene, request, detected, config);
-    if (const double all = clock.Seconds() * static_cast<double>(1 + open.size());
-        stage.seconds > 0 && all > kMostShare * stage.seconds) {
-      untried = fmt::format("trying takes {:.0f} s, more than {:.0f} % of the training time", all, 100 * kMostShare);
+// Decides one thing after the other, each with what was decided before.
+class Decisions {
+ public:
+  Decisions(const Scene& scene, const StageRequest& request, const DetectedKeyPoints& detected)
+      : trainings_(scene, request, FieldStage::kTrain), request_(request), detected_(detected) {
+    decided_.config = request.config;
+    decided_.merged = EachByItself(detected.tracks.size(1));
+    open_ = OpenComponents(&decided_.config.field, detected);
+    const StageConfig& stage = request.config.train;
+    if (stage.merge_key_points != Choice::kOff) {
+      alike_ = KeyPointsOfOnePart(detected.tracks, request.config.detect.merge_distance);
     }
+    const bool try_merging = stage.merge_key_points == Choice::kAuto && !alike_.empty();
+    if (open_.empty() && !try_merging) return;
+    for (const Component& component : open_) *component.choice = Choice::kOff;
+    untried_ = trainings_.WhyNone();
+    if (!untried_.empty()) return;
+    best_ = HeldOutWith(decided_.merged);
+    untried_ = trainings_.WhyTooMany(clock_.Seconds(), 1 + open_.size() + (try_merging ? alike_.size() : 0));
   }
-  for (const Component& component : open) {
+
+  ComponentTrials Make() {
+    for (const auto& [first, second] : alike_) Merge(first, second);
+    for (const Component& component : open_) Decide(component);
+    decided_.seconds = clock_.Seconds();
+    return std::move(decided_);
+  }
+
+ private:
+  double HeldOutWith(const KeyPointMap& map) const {
+    return trainings_.HeldOutAfter(decided_.config, Merged(detected_, map), {});
+  }
+
+  // The second of two detected key points that move as one part goes where nobody misses it.
+  void Merge(int64_t first, int64_t second) {
+    if (gone_.count(first) + gone_.count(second) > 0) return;
+    const KeyPointMap& map = decided_.merged;
+    const KeyPointMap merged = WithMerged(map, map[static_cast<size_t>(first)], map[static_cast<size_t>(second)]);
+    ComponentTrial trial;
+    trial.setting = KeyPointSetting(second);
+    trial.reason = fmt::format("moves as key point {} does", first + 1);
+    if (request_.config.train.merge_key_points == Choice::kOn) {
+      trial.on = false;
+    } else if (!untried_.empty()) {
+      trial.on = true;
+      trial.reason += ", but " + untried_;
+    } else {
+      trial.with = best_;
+      trial.without = HeldOutWith(merged);
+      trial.on = *trial.with - *trial.without > kLeastGain;
+      trial.reason += ", " + GainText(*trial.with - *trial.without);
+    }
+    if (!trial.on) {
+      trial.merged_into = first;
+      gone_.insert(second);
+      decided_.merged = merged;
+      best_ = trial.without.value_or(best_);
+    }
+    Keep(trial);
+  }
+
+  void Decide(const Component& component) {
     ComponentTrial trial;
     trial.setting = component.setting;
     if (!component.needless.empty()) {
       trial.reason = component.needless;
-    } else if (!untried.empty()) {
+    } else if (!untried_.empty()) {
       trial.on = component.undecided;
-      trial.reason = untried;
+      trial.reason = untried_;
     } else {
       *component.choice = Choice::kOn;
-      trial.without = best;
-      trial.with = HeldOutAfterTrial(scene, request, detected, config);
-      trial.reason = GainText(*trial.with - best);
-      trial.on = *trial.with - best > kLeastGain;
-      if (trial.on) best = *trial.with;
+      trial.without = best_;
+      trial.with = HeldOutWith(decided_.merged);
+      trial.reason = GainText(*trial.with - best_);
+      trial.on = *trial.with - best_ > kLeastGain;
+      if (trial.on) best_ = *trial.with;
     }
     *component.choice = trial.on ? Choice::kOn : Choice::kOff;
-    LogInfo("{}: {} ({})", trial.setting, trial.on ? "on" : "off", trial.reason);
+    Keep(trial);
+  }
+
+  void Keep(const ComponentTrial& trial) {
+    Say(trial);
+    decided_.trials.push_back(trial);
+  }
+
+  const Stopwatch clock_;
+  const ShortTrainings trainings_;
+  const StageRequest& request_;
+  const DetectedKeyPoints& detected_;
+  ComponentTrials decided_;
+  std::vector<Component> open_;                     // pointing into decided_.config
+  std::vector<std::pair<int64_t, int64_t>> alike_;  // detected key points
+  std::string untried_;                             // why no trial is made
+  std::set<int64_t> gone_;                          // of them, merged
+  double best_ = 0;
+};
+
+}  // namespace
+
+ComponentTrials DecideComponents(const Scene& scene, const StageRequest& request, const DetectedKeyPoints& detected) {
+  return Decisions(scene, request, detected).Make();
+}
+
+ComponentTrials DecideAmbient(const Scene& scene, const StageRequest& request, const DepthTargets& depth) {
+  const Stopwatch clock;
+  ComponentTrials decided;
+  decided.config = request.config;
+  SlicingNetworkConfig& slicing = decided.config.field.slicing;
+  if (slicing.ambient_dim > 0) return decided;
+  const ShortTrainings trainings(scene, request, FieldStage::kPretrain);
+  std::string untried = trainings.WhyNone();
+  const int64_t undecided = slicing.AmbientDim();
+  slicing.ambient_dim = 1;
+  double best = 0;
+  if (untried.empty()) {
+    best = trainings.HeldOutAfter(decided.config, {}, depth);
+    untried = trainings.WhyTooMany(clock.Seconds(), static_cast<size_t>(kMostAmbient));
+  }
+  if (!untried.empty()) {
+    slicing.ambient_dim = undecided;
+    decided.trials.push_back({fmt::format("{} ambient dimensions", undecided), true, {}, {}, untried, {}});
+    Say(decided.trials.back());
+  }
+  for (bool gains = untried.empty(); gains && slicing.ambient_dim < kMostAmbient;) {
+    ComponentTrial trial;
+    trial.setting = fmt::format("{} ambient dimensions", ++slicing.ambient_dim);
+    trial.without = best;
+    trial.with = trainings.HeldOutAfter(decided.config, {}, depth);
+    trial.reason = GainText(*trial.with - best);
+    trial.on = gains = *trial.with - best > kLeastGain;
+    if (gains) {
+      best = *trial.with;
+    } else {
+      --slicing.ambient_dim;
+    }
+    Say(trial);
     decided.trials.push_back(trial);
   }
   decided.seconds = clock.Seconds();
@@ -124,8 +260,30 @@ nlohmann::ordered_json ToJson(const ComponentTrials& trials) {
     if (trial.without) entry["without"] = *trial.without;
     if (trial.with) entry["with"] = *trial.with;
     entry["reason"] = trial.reason;
+    if (trial.merged_into) entry["merged_into"] = *trial.merged_into;
   }
   return json;
+}
+
+KeyPointMap ReadMerged(const std::filesystem::path& path, int64_t num_key_points) {
+  KeyPointMap stands_for = EachByItself(num_key_points);
+  if (!std::filesystem::exists(path)) return stands_for;
+  const Json json = ReadJson(path);
+  for (int64_t n = 0; n < num_key_points; ++n) {
+    const auto trial = json.find(KeyPointSetting(n));
+    if (trial == json.end() || !trial->contains("merged_into")) continue;
+    const std::string where = fmt::format("{}: {}", path.string(), KeyPointSetting(n));
+    const int64_t into = JsonInteger(*trial, "merged_into", where);
+    if (into < 0 || into >= n) Throw<DataError>("{}: merged_into: expected one before it, found {}", where, into);
+    stands_for[static_cast<size_t>(n)] = stands_for[static_cast<size_t>(into)];
+  }
+  KeyPointMap numbers = stands_for;
+  int64_t left = 0;
+  for (size_t n = 0; n < numbers.size(); ++n) {
+    const auto own = static_cast<size_t>(stands_for[n]);
+    numbers[n] = own == n ? left++ : numbers[own];
+  }
+  return numbers;
 }
 
 }  // namespace editnerf

@@ -147,10 +147,12 @@ void AddComponents(const fs::path& work, ReportContents* report) {
   ReportTable table;
   table.title = "What this scene needs of the field";
   table.headers = {"component", "decided", "held out without, dB", "with, dB", "why"};
-  const nlohmann::ordered_json components = ReadIfThere(work / "run" / "components.json");
-  for (const auto& [setting, trial] : components.items()) {
-    table.rows.push_back({setting, trial.value("on", false) ? "on" : "off", Number(trial, "without", "{:.2f}"),
-                          Number(trial, "with", "{:.2f}"), trial.value("reason", "")});
+  for (const char* folder : {"pretrained", "run"}) {
+    const nlohmann::ordered_json components = ReadIfThere(work / folder / "components.json");
+    for (const auto& [setting, trial] : components.items()) {
+      table.rows.push_back({setting, trial.value("on", false) ? "on" : "off", Number(trial, "without", "{:.2f}"),
+                            Number(trial, "with", "{:.2f}"), trial.value("reason", "")});
+    }
   }
   if (!table.rows.empty()) report->tables.push_back(table);
 }

@@ -14,6 +14,7 @@
 #include "libeditnerf/imaging/key_point_files.h"
 #include "libeditnerf/imaging/scene_folder.h"
 #include "libeditnerf/pipeline/component_trials.h"
+#include "libeditnerf/pipeline/key_point_merging.h"
 #include "libeditnerf/render/image_renderer.h"
 #include "libeditnerf/scene/packed_scene.h"
 #include "libeditnerf/tracking/clip.h"
@@ -33,7 +34,7 @@ namespace fs = std::filesystem;
 // Surface maps are marched in finer steps than pictures: the median depth is known to half a step only, and near the
 // camera a step of training is some percent of the depth.
 constexpr int64_t kFinerSurfaces = 3;
-constexpr double kLeastShareLeft = 0.5;    // of training's seconds, however long its trials took
+constexpr double kLeastShareLeft = 0.5;    // of a stage's seconds, however long its trials took
 constexpr int64_t kMeasuredSurfaces = 16;  // frames whose depth is compared with the truth
 
 bool HasCheckpoint(const fs::path& folder) { return fs::exists(folder / "checkpoint.safetensors"); }
@@ -52,6 +53,19 @@ void WriteDepthErrors(const std::vector<DepthError>& errors, const fs::path& pat
     json[error.part] = {{"median", error.median}, {"percentile90", error.percentile90}, {"pixels", error.pixels}};
   }
   WriteJson(path, json);
+}
+
+fs::path DecisionsPath(const fs::path& run_folder) { return run_folder / "components.json"; }
+
+// The stage as trials decided, in the time that they left, and a file that says how.
+void Follow(const ComponentTrials& trials, FieldStage stage, StageRequest* request) {
+  request->config = trials.config;
+  double& seconds = (stage == FieldStage::kPretrain ? request->config.pretrain : request->config.train).seconds;
+  if (seconds > 0) seconds = std::max(seconds - trials.seconds, kLeastShareLeft * seconds);
+  fs::remove(DecisionsPath(request->out));  // of a run that was here before
+  if (trials.trials.empty()) return;
+  MakeFolder(request->out);
+  WriteJson(DecisionsPath(request->out), ToJson(trials));
 }
 
 // A resumed run must be of this scene; its limits of steps and seconds are those asked for now.
@@ -88,6 +102,11 @@ Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage
   const bool resumed = request.resume && HasCheckpoint(request.out);
   if (resumed) {
     loaded = Reopen(scene, request, stage);
+    const int64_t own = loaded.run.field->num_key_points();
+    if (stage == FieldStage::kTrain && own != detected.tracks.size(1)) {
+      Throw<CheckpointError>("{}: the run has {} key points, and detection has found {}; give another --out",
+                             request.out.string(), own, detected.tracks.size(1));
+    }
     LogInfo("continuing {} at step {}", request.out.string(), loaded.run.counters.step);
   } else {
     loaded.run = MakeRun(request.config, stage, scene, detected.tracks, request.device, detected.turns);
@@ -213,7 +232,11 @@ void RunPretraining(const Scene& scene, const StageRequest& request) {
   if (request.config.pretrain.lambda_depth > 0) {
     depth = StillDepthOf(scene, *MakeOpticalFlow(request.config.flow), request.out);
   }
-  Run run = TrainStage(scene, request, FieldStage::kPretrain, {}, depth);
+  StageRequest decided = request;
+  if (!request.resume || !HasCheckpoint(request.out)) {
+    Follow(DecideAmbient(scene, request, depth), FieldStage::kPretrain, &decided);
+  }
+  Run run = TrainStage(scene, decided, FieldStage::kPretrain, {}, depth);
   const PretrainedMaps maps = RenderSurfaceMaps(run, scene);
   WritePretrainedMaps(maps, scene, request.out);
   if (scene.truth) WriteDepthErrors(MeasureDepth(run, scene), request.out / "depth_error.json");
@@ -267,15 +290,12 @@ void RunTraining(const Scene& scene, const StageRequest& request, const fs::path
     LogWarning("{}: no key points (data/k_points_auto.txt); training a static scene", detection_folder.string());
   }
   StageRequest decided = request;
-  if (!request.resume || !HasCheckpoint(request.out)) {
+  if (request.resume && HasCheckpoint(request.out)) {
+    detected = Merged(detected, ReadMerged(DecisionsPath(request.out), detected.tracks.size(1)));
+  } else {
     const ComponentTrials trials = DecideComponents(scene, request, detected);
-    decided.config = trials.config;
-    double& seconds = decided.config.train.seconds;
-    if (seconds > 0) seconds = std::max(seconds - trials.seconds, kLeastShareLeft * seconds);
-    if (!trials.trials.empty()) {
-      MakeFolder(request.out);
-      WriteJson(request.out / "components.json", ToJson(trials));
-    }
+    detected = Merged(detected, trials.merged);
+    Follow(trials, FieldStage::kTrain, &decided);
   }
   RunTraining(scene, decided, std::move(detected));
 }

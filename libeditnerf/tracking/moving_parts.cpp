@@ -6,9 +6,11 @@
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/interrupt.h"
+#include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/base/progress.h"
+#include "libeditnerf/tracking/part_scale.h"
 #include "libeditnerf/tracking/stillness.h"
 
 namespace editnerf {
@@ -137,7 +139,8 @@ RigidPart Aligned(const Clip& clip, const RigidPart& part, const DepthRange& ran
     if (!part.hinged) fit.Settle();
   }
   progress.Finish();
-  return fit.Finished();
+  const RigidPart aligned = fit.Finished();
+  return part.hinged ? aligned : ScaledFromCameras(clip, aligned, RestingScale(clip, aligned));
 }
 
 // Whether neighbours lie on all sides.
@@ -202,8 +205,17 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
     if (std::isfinite(seed.distance)) body = GrowPart(clip, direct, seed, &found.tracks, &taken, options);
     crowds.Spend(track, !body);
     ++in_vain;
+    LogDebug("moving parts: seed in frame {} at {:.0f}, {:.0f}{}", seed.frame, seed.pixel.u, seed.pixel.v,
+             body ? "" : ": nothing grows");
     if (!body) continue;
     MovingPart part = Weighed(clip, found.tracks, std::move(*body), range);
+    LogDebug(
+        "moving parts: {} points, {} pixels in {} frames, goes {:.0f} pixels at 320 wide; gain {:.0f}, weight {:.0f}{}",
+        part.body.points.size(), part.body.observations, SeenFrames(part.body).size(), part.range, part.gain,
+        part.weight,
+        part.body.hinged  ? ", hinged"
+        : part.body.turns ? ", turns"
+                          : "");
     if (!(part.weight > 0)) continue;
     if (part.weight > kLeastWeight * heaviest) in_vain = 0;
     if (part.weight > heaviest) {

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+
+#include "libeditnerf/base/percentile.h"
 
 namespace editnerf {
 namespace {
@@ -9,6 +12,7 @@ namespace {
 constexpr double kFarShare = 0.8;    // of the range that a tenth of the points exceeds
 constexpr double kBeside = 8;        // pixels at 320 wide
 constexpr double kMostBeside = 8;    // neighbours that count
+constexpr double kSurrounded = 0.5;  // of the neighbours in the frame that has most
 constexpr double kSameDepth = 0.05;  // share of the distance within which a neighbour is the same side of the part
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
@@ -37,17 +41,34 @@ class PartView {
     return part_.points[best];
   }
 
-  // The frame around the middle of its longest track in which the point is best surrounded.
+  // Of the frames in which the point is well surrounded, the one that sees the part most as all of them do. What is
+  // left of drift grows with the angle between two views of the part: from its middle, it is off by half as much at
+  // most.
   int64_t ReferenceFrame(const PartPoint& point) const {
-    const FlowTrack& longest = Longest(point);
-    int64_t best = longest.seed;
-    double most = -1;
-    for (int64_t t = longest.first; t < longest.end(); ++t) {
+    const Vec3 position = ToVec3(point.position);
+    std::vector<int64_t> frames;
+    std::vector<double> crowd;
+    std::vector<Vec3> view;  // unit, from the part, in its own axes
+    for (int64_t t = 0; t < clip_.num_frames(); ++t) {
       if (!part_.seen[At(t)]) continue;
-      const double crowd = Beside(t, ToVec3(point.position));
-      if (crowd > most) most = crowd, best = t;
+      frames.push_back(t);
+      crowd.push_back(Beside(t, position));
+      view.push_back(Normalized(part_.TakeBack(t, clip_.cameras[At(t)].position) - position));
     }
-    return best;
+    if (frames.empty()) return Longest(point).seed;
+    const double enough = kSurrounded * *std::max_element(crowd.begin(), crowd.end());
+    std::vector<double> x, y, z;
+    for (size_t i = 0; i < frames.size(); ++i) {
+      if (crowd[i] >= enough) x.push_back(view[i].x), y.push_back(view[i].y), z.push_back(view[i].z);
+    }
+    const Vec3 middle = {Percentile(x, 0.5), Percentile(y, 0.5), Percentile(z, 0.5)};
+    size_t best = 0;
+    double nearest = std::numeric_limits<double>::infinity();
+    for (size_t i = 0; i < frames.size(); ++i) {
+      if (crowd[i] < enough) continue;
+      if (const double apart = Norm(view[i] - middle); apart < nearest) nearest = apart, best = i;
+    }
+    return frames[best];
   }
 
   // Points of the part that are seen around where the point is in frame t, on the same side.

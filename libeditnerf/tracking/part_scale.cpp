@@ -11,6 +11,13 @@ constexpr int kSteps = 80;             // to each side
 constexpr double kMapSlack = 0.1;      // of the distance: a map that is further off says nothing
 constexpr double kMapShare = 0.5;      // of the shortest way, that all maps together count for
 
+constexpr double kMostOff = 0.03;        // of the scale, that rests can mend
+constexpr int kFineSteps = 150;          // to each side
+constexpr double kStill = 0.3;           // pixels at 320 wide: a way that counts by half
+constexpr double kLeastRest = 12;        // ways that count, over all lags
+constexpr double kLeastCertain = 0.002;  // standard deviation of the scale that rests leave
+constexpr int64_t kLags[] = {4, 8, 16};  // frames
+
 size_t At(int64_t t) { return static_cast<size_t>(t); }
 
 // Where every few of the part's points are in the frames that see it, one row a point.
@@ -95,6 +102,43 @@ double ShortestWay(const Clip& clip, const std::vector<FlowTrack>& tracks, const
     if (cost < least) least = cost, best = i;
   }
   return scale[best];
+}
+
+double RestingScale(const Clip& clip, const RigidPart& part) {
+  const std::vector<int64_t> frames = SeenFrames(part);
+  const std::vector<std::vector<Vec3>> ways = Ways(part, frames);
+  // How far a point goes between two frames, and how much farther for every 100 % of scale; pixels at 320 wide.
+  struct Step {
+    Vec3 way, per_scale;
+  };
+  std::vector<Step> steps;
+  for (const std::vector<Vec3>& way : ways) {
+    for (size_t i = 0; i < frames.size(); ++i) {
+      const Camera& camera = clip.cameras[At(frames[i])];
+      const double pixels = camera.focal_length / clip.PixelScale() / Norm(way[i] - camera.position);
+      for (const int64_t lag : kLags) {
+        const size_t j = i + At(lag);
+        if (j >= frames.size() || frames[j] - frames[i] != lag) continue;
+        const Vec3 moved = way[j] - way[i], followed = clip.cameras[At(frames[j])].position - camera.position;
+        steps.push_back({moved * pixels, (moved - followed) * pixels});
+      }
+    }
+  }
+  double best = 0, most = -1, certain = 0;
+  for (int i = -kFineSteps; i <= kFineSteps; ++i) {
+    const double by = kMostOff * i / kFineSteps;
+    double resting = 0, information = 0;
+    for (const Step& step : steps) {
+      const Vec3 way = step.way + step.per_scale * by;
+      const double share = kStill * kStill / (kStill * kStill + Dot(way, way));
+      resting += share;
+      information += share * share * Dot(step.per_scale, step.per_scale);
+    }
+    if (resting > most) most = resting, best = by, certain = information;
+  }
+  const double each = ways.empty() ? 1 : static_cast<double>(ways.size());  // points of one part agree: they count once
+  const bool clear = most >= kLeastRest * each && certain > 0 && kStill / std::sqrt(certain / each) < kLeastCertain;
+  return clear ? 1 + best : 1;
 }
 
 }  // namespace editnerf

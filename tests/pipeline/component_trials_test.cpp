@@ -4,8 +4,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "libeditnerf/base/error.h"
+#include "libeditnerf/imaging/json_file.h"
 #include "libeditnerf/scene/timeline.h"
 #include "tests/catch.h"
+#include "tests/imaging/scratch_folder.h"
 #include "tests/training/small_training.h"
 
 using namespace editnerf;
@@ -37,6 +40,25 @@ const ComponentTrial& Of(const ComponentTrials& trials, const std::string& setti
   }
   FAIL("not tried: " << setting);
   return trials.trials.front();
+}
+
+// The lid's corner twice, and a key point of nothing that moves with it.
+DetectedKeyPoints TwoOnTheLid(const Scene& scene) {
+  const torch::Tensor lid = TrueTracks(scene);
+  const auto frames = lid.size(0);
+  const torch::Tensor other =
+      torch::stack(
+          {torch::linspace(0, 1, frames).sin().pow(2), torch::zeros({frames}), torch::linspace(0, 9, frames).cos()}, 1)
+          .to(lid.dtype())
+          .unsqueeze(1);
+  DetectedKeyPoints detected;
+  detected.tracks = torch::cat({lid, other, lid + 0.01}, 1);
+  detected.part_depth.frame = torch::zeros({4}, torch::kInt64);
+  detected.part_depth.pixel = torch::full({4, 2}, 5, torch::kInt64);
+  detected.part_depth.distance = torch::full({4}, 1.0F);
+  detected.part_depth.tolerance = torch::full({4}, 0.1F);
+  detected.part_depth.key_point = torch::tensor({0, 1, 2, static_cast<int>(kNotCarried)}, torch::kInt64);
+  return detected;
 }
 
 // The light goes up as time passes, to five times what it was.
@@ -107,4 +129,70 @@ TEST_CASE("components are as they are while undecided where trials cannot be mad
   check(DecideComponents(scene, Request(short_stage), none), "of the training time");
   scene.val.clear();
   check(DecideComponents(scene, Request(AllOpen(5)), none), "no validation frames");
+}
+
+TEST_CASE("a key point that moves as another one does goes where held-out pixels do not miss it") {
+  const Scene& scene = TinyScene();
+  const DetectedKeyPoints detected = TwoOnTheLid(scene);
+  Config config = SmallFast();
+  config.train.trial_steps = 20;
+  config.train.merge_key_points = Choice::kOff;
+  CHECK(DecideComponents(scene, Request(config), detected).merged == KeyPointMap{0, 1, 2});
+
+  config.train.merge_key_points = Choice::kOn;
+  const ComponentTrials forced = DecideComponents(scene, Request(config), detected);
+  CHECK(forced.merged == KeyPointMap{0, 1, 0});
+  CHECK_FALSE(Of(forced, "key point 3").with.has_value());
+
+  config.train.merge_key_points = Choice::kAuto;
+  const ComponentTrials tried = DecideComponents(scene, Request(config), detected);
+  const ComponentTrial& third = Of(tried, "key point 3");
+  REQUIRE(third.with.has_value());
+  CHECK(third.on == (*third.with - *third.without > 0.2));
+  CHECK(tried.merged == (third.on ? KeyPointMap{0, 1, 2} : KeyPointMap{0, 1, 0}));
+  CHECK_THAT(third.reason, HasText("moves as key point 1 does"));
+
+  const ScratchFolder scratch;
+  const std::filesystem::path file = scratch.path() / "components.json";
+  CHECK(ReadMerged(file, 3) == KeyPointMap{0, 1, 2});
+  WriteJson(file, ToJson(forced));
+  CHECK(ReadMerged(file, 3) == forced.merged);
+  WriteJson(file, {{"key point 2", {{"merged_into", 2}}}});
+  CHECK_THROWS_WITH(ReadMerged(file, 3), HasText("components.json: key point 2: merged_into"));
+}
+
+TEST_CASE("what a merged key point carried, the other one carries") {
+  const DetectedKeyPoints detected = TwoOnTheLid(TinyScene());
+  const DetectedKeyPoints merged = Merged(detected, {0, 1, 0});
+  CHECK(torch::equal(merged.tracks, detected.tracks.slice(1, 0, 2)));
+  CHECK(torch::equal(merged.part_depth.key_point,
+                     torch::tensor({0, 1, 0, static_cast<int>(kNotCarried)}, torch::kInt64)));
+  CHECK(detected.part_depth.key_point[2].item<int64_t>() == 2);
+  CHECK(WithMerged({0, 1, 2, 3}, 0, 2) == KeyPointMap{0, 1, 0, 2});
+  CHECK_THROWS_AS(Merged(detected, {0, 2, 0}), ConfigError);
+  CHECK_THROWS_AS(Merged(detected, {0, 1}), ConfigError);
+}
+
+TEST_CASE("pretraining has as many ambient coordinates as held-out pixels gain by") {
+  const Scene& scene = TinyScene();
+  Config config = SmallFast();
+  const ComponentTrials fixed = DecideAmbient(scene, Request(config), {});
+  CHECK(fixed.trials.empty());
+  CHECK(fixed.config.field.slicing.ambient_dim == config.field.slicing.ambient_dim);
+
+  config.field.slicing.ambient_dim = 0;
+  config.pretrain.trial_steps = 5;
+  const ComponentTrials tried = DecideAmbient(scene, Request(config), {});
+  REQUIRE(!tried.trials.empty());
+  int64_t expected = 1;
+  for (const ComponentTrial& trial : tried.trials) {
+    CHECK(trial.on == (*trial.with - *trial.without > 0.2));
+    expected += trial.on ? 1 : 0;
+  }
+  CHECK(tried.config.field.slicing.ambient_dim == expected);
+
+  config.pretrain.trial_steps = 0;
+  const ComponentTrials none = DecideAmbient(scene, Request(config), {});
+  CHECK(none.config.field.slicing.ambient_dim == 3);
+  CHECK_THAT(none.trials.at(0).reason, HasText("pretrain.trial_steps is 0"));
 }

@@ -112,9 +112,9 @@ Meeting Carry(const Scene& scene, int64_t from, int64_t to, int label, const tor
 }  // namespace
 
 TEST_CASE("synthetic scenes are known by their names") {
-  CHECK(SyntheticSceneNames() == std::vector<std::string>{"hinge", "keys", "cups", "static"});
+  CHECK(SyntheticSceneNames() == std::vector<std::string>{"hinge", "keys", "cups", "cabinet", "static"});
   CHECK_THROWS_WITH(MakeSyntheticScene("cubs", {}),
-                    "no synthetic scene is named 'cubs'; known are hinge, keys, cups, static");
+                    "no synthetic scene is named 'cubs'; known are hinge, keys, cups, cabinet, static");
   CHECK_THROWS_AS(MakeSyntheticScene("cubs", {}), ConfigError);
   SyntheticOptions options;
   options.frames = 1;
@@ -151,7 +151,7 @@ TEST_CASE("synthetic splits keep training, known states and unseen states apart"
 }
 
 TEST_CASE("synthetic edit frames show states that training never showed, within its range") {
-  for (const char* name : {"hinge", "keys", "cups"}) {
+  for (const char* name : {"hinge", "keys", "cups", "cabinet"}) {
     INFO(name);
     const Scene& scene = Fixture(name);
     const auto poses = scene.truth->scene_from_object;
@@ -228,7 +228,7 @@ TEST_CASE("the moving parts of synthetic scenes are where their transforms carry
   const struct {
     const char* name;
     int64_t object;
-  } parts[] = {{"hinge", 0}, {"keys", 0}, {"cups", 0}, {"cups", 1}};
+  } parts[] = {{"hinge", 0}, {"keys", 0}, {"cups", 0}, {"cups", 1}, {"cabinet", 0}, {"cabinet", 1}, {"cabinet", 2}};
   for (const auto& part : parts) {
     INFO(part.name << " " << part.object);
     const Scene& scene = Fixture(part.name);
@@ -248,7 +248,7 @@ TEST_CASE("the moving parts of synthetic scenes are where their transforms carry
 }
 
 TEST_CASE("every moving part of a synthetic scene is visible in nearly all frames") {
-  for (const char* name : {"hinge", "keys", "cups"}) {
+  for (const char* name : {"hinge", "keys", "cups", "cabinet"}) {
     const Scene& scene = Fixture(name);
     const auto count = static_cast<int64_t>(scene.frames.size());
     for (size_t k = 0; k < scene.truth->objects.size(); ++k) {

@@ -23,6 +23,7 @@ struct Play {
 Play HingePlay();
 Play KeysPlay();
 Play CupsPlay();
+Play CabinetPlay();
 Play StaticPlay();
 
 // The floor and the curved backdrop behind it, so that every pixel sees something; strongly and never equally textured.

@@ -26,7 +26,8 @@ struct NamedPlay {
   const char* name;
   Play (*make)();
 };
-constexpr NamedPlay kPlays[] = {{"hinge", HingePlay}, {"keys", KeysPlay}, {"cups", CupsPlay}, {"static", StaticPlay}};
+constexpr NamedPlay kPlays[] = {
+    {"hinge", HingePlay}, {"keys", KeysPlay}, {"cups", CupsPlay}, {"cabinet", CabinetPlay}, {"static", StaticPlay}};
 
 // What one frame shows.
 struct Shot {

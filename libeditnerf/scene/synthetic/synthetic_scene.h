@@ -24,6 +24,8 @@ struct SyntheticOptions {
 // "keys": a ball on a stick moves in all three dimensions and presses the keys of a small piano; objects "hammer",
 //   "key_0" .. "key_4".
 // "cups": two cups that slide and lift off the ground independently; objects "cup_left", "cup_right".
+// "cabinet": a door that turns, a drawer that slides, and a lantern that rises behind them; objects "door", "drawer",
+//   "lantern".
 // "static": nothing moves; no objects.
 std::vector<std::string> SyntheticSceneNames();
 
