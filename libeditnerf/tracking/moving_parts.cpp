@@ -10,7 +10,6 @@
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/base/progress.h"
-#include "libeditnerf/tracking/part_scale.h"
 #include "libeditnerf/tracking/stillness.h"
 
 namespace editnerf {
@@ -18,7 +17,7 @@ namespace {
 
 constexpr int kMostSeeds = 16;
 constexpr int kMostInVain = 4;        // seeds in a row that give nothing that weighs
-constexpr double kLeastWeight = 0.3;  // of the heaviest part's
+constexpr double kLeastWeight = 0.1;  // of the heaviest part's; a small part beside a large one has a fifth
 constexpr double kLeastMotion = 2;    // pixels at 320 wide, over a few frames, that tell what moves as what
 constexpr double kSameMotion = 0.4;   // share of it by which the other's may differ
 constexpr double kSameShare = 0.2;    // of the places that move; parts of their own lie below 0.1
@@ -132,15 +131,23 @@ RigidPart Aligned(const Clip& clip, const RigidPart& part, const DepthRange& ran
   PartFit fit(clip, *tracks, options, range);
   fit.GoOn(part);
   Progress progress("alignment", kAlignments);
-  for (int round = 0; round < kAlignments; ++round) {
-    if (InterruptRequested()) Throw<Interrupted>("interrupted while moving parts were aligned");
-    progress.Update(round);
-    if (!fit.Align(tracks)) break;
-    if (!part.hinged) fit.Settle();
+  bool hinged = part.hinged;
+  const auto align = [&](int rounds) {
+    for (int round = 0; round < rounds; ++round) {
+      if (InterruptRequested()) Throw<Interrupted>("interrupted while moving parts were aligned");
+      progress.Update(round);
+      if (!fit.Align(tracks)) break;
+      if (!hinged) fit.Settle();
+    }
+  };
+  align(kAlignments);
+  // Without drift, motion that is simpler has another chance: turns are what drift looks like as well.
+  if (part.turns && !hinged && (fit.LeaveOutTurns() || (hinged = fit.PutOnHinge()))) {
+    LogDebug("moving parts: {} explains it as well, once aligned", hinged ? "a hinge" : "motion without turns");
+    align(kAlignments);
   }
   progress.Finish();
-  const RigidPart aligned = fit.Finished();
-  return part.hinged ? aligned : ScaledFromCameras(clip, aligned, RestingScale(clip, aligned));
+  return fit.Finished();
 }
 
 // Whether neighbours lie on all sides.

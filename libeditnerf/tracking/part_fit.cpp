@@ -24,7 +24,7 @@ constexpr int64_t kLeastOverlap = 6;                 // known frames of a track 
 constexpr size_t kFewPoints = 40, kMostPoints = 90;  // in a solution on the way, and in the last ones
 constexpr int kFewIterations = 15;
 constexpr double kNearest = 0.75, kFarthest = 1.33;   // of a point, as a share of the part's distance
-constexpr double kTurnsNeeded = 1.2;                  // times the mean miss: what leaving out the turns may cost
+constexpr double kTurnsNeeded = 1.3;                  // times the mean miss: what leaving out the turns may cost
 constexpr double kHingeCosts = 1.1;                   // likewise, what a hinge may cost; false ones cost 1.2
 constexpr double kHingeDistances[] = {0.8, 1, 1.25};  // times that of the part, from which a hinge is looked for
 constexpr double kKeptShare = 0.9;                    // of the pixels that must go on to follow the part
@@ -264,6 +264,7 @@ double PartFit::Gain(const PartPoint& point) const {
 
 void PartFit::Settle() {
   part_ = ScaledFromCameras(clip_, part_, ShortestWay(clip_, tracks_, part_));
+  part_ = ScaledFromCameras(clip_, part_, RestingScale(clip_, part_));
   UpdatePlacements();
 }
 

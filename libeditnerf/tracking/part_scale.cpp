@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libeditnerf/base/percentile.h"
+
 namespace editnerf {
 namespace {
 
@@ -11,12 +13,13 @@ constexpr int kSteps = 80;             // to each side
 constexpr double kMapSlack = 0.1;      // of the distance: a map that is further off says nothing
 constexpr double kMapShare = 0.5;      // of the shortest way, that all maps together count for
 
-constexpr double kMostOff = 0.03;        // of the scale, that rests can mend
-constexpr int kFineSteps = 150;          // to each side
-constexpr double kStill = 0.3;           // pixels at 320 wide: a way that counts by half
-constexpr double kLeastRest = 12;        // ways that count, over all lags
-constexpr double kLeastCertain = 0.002;  // standard deviation of the scale that rests leave
-constexpr int64_t kLags[] = {4, 8, 16};  // frames
+constexpr double kMostOff = 0.12;           // of the scale, that rests can mend
+constexpr int kFineSteps = 600;             // to each side
+constexpr double kStill = 0.3;              // pixels at 320 wide: a way that counts by half
+constexpr double kLeastRest = 6;            // ways that count, over all lags
+constexpr double kLeastPeak = 2.5;          // times what there is at half of all scales
+constexpr double kLeastCertain = 0.005;     // standard deviation of the scale that rests leave
+constexpr int64_t kLags[] = {2, 4, 8, 16};  // frames
 
 size_t At(int64_t t) { return static_cast<size_t>(t); }
 
@@ -125,6 +128,7 @@ double RestingScale(const Clip& clip, const RigidPart& part) {
     }
   }
   double best = 0, most = -1, certain = 0;
+  std::vector<double> restings;
   for (int i = -kFineSteps; i <= kFineSteps; ++i) {
     const double by = kMostOff * i / kFineSteps;
     double resting = 0, information = 0;
@@ -134,10 +138,12 @@ double RestingScale(const Clip& clip, const RigidPart& part) {
       resting += share;
       information += share * share * Dot(step.per_scale, step.per_scale);
     }
+    restings.push_back(resting);
     if (resting > most) most = resting, best = by, certain = information;
   }
   const double each = ways.empty() ? 1 : static_cast<double>(ways.size());  // points of one part agree: they count once
-  const bool clear = most >= kLeastRest * each && certain > 0 && kStill / std::sqrt(certain / each) < kLeastCertain;
+  const bool clear = most >= kLeastRest * each && most >= kLeastPeak * Percentile(std::move(restings), 0.5) &&
+                     certain > 0 && kStill / std::sqrt(certain / each) < kLeastCertain;
   return clear ? 1 + best : 1;
 }
 
