@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
@@ -64,6 +65,9 @@ class ShortTrainings {
     StageConfig& stage = StageOf(stage_, &trial);
     stage.steps = stage.trial_steps;
     stage.seconds = 0;
+    // Else the finer half of the local encoding would hardly be there before the trial is over.
+    int64_t& window = trial.field.fast.local_window_steps;
+    window = std::min(window, stage.trial_steps / 2);
     stage.dump_bad_steps = false;
     for (int64_t* batch : {&stage.rays_per_step, &stage.samples_per_step}) *batch = (*batch + 1) / 2;
     Trainer trainer(MakeRun(trial, stage_, scene_, detected.tracks, request_.device, detected.turns), scene_,
