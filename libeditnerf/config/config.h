@@ -113,8 +113,7 @@ struct StageConfig {
       "steps of each short training that decides a component of the field left to auto; 0 for none", AtLeast(0));
     v("merge_key_points", merge_key_points,
       "merge key points that move as one rigid part: true, false, or auto, where held-out pixels do not miss the "
-      "second "
-      "one (training)");
+      "second one (training)");
     v("warm_start", warm_start,
       "begin with the static scene that pretraining found, where the field is of the same kind (training)");
     v("random_background", random_background, "composite on random colours once the field has taken shape");

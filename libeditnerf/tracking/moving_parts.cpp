@@ -130,12 +130,13 @@ RigidPart Aligned(const Clip& clip, const RigidPart& part, const DepthRange& ran
   options.iterations = kAlignedIterations;
   PartFit fit(clip, *tracks, options, range);
   fit.GoOn(part);
-  Progress progress("alignment", kAlignments);
+  Progress progress("alignment", part.turns && !part.hinged ? 2 * kAlignments : kAlignments);
+  int done = 0;
   bool hinged = part.hinged;
   const auto align = [&](int rounds) {
     for (int round = 0; round < rounds; ++round) {
       if (InterruptRequested()) Throw<Interrupted>("interrupted while moving parts were aligned");
-      progress.Update(round);
+      progress.Update(done++);
       if (!fit.Align(tracks)) break;
       if (!hinged) fit.Settle();
     }
