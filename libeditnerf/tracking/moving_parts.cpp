@@ -28,7 +28,9 @@ constexpr double kWidestGap = 2.6;    // radians without a neighbour
 constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track
 constexpr int kAlignments = 4, kAlignedIterations = 80;  // slow drift of all frames is what is solved for at last
 constexpr double kAlignedPixels = 0.4;                   // standard deviation at 320 wide
-constexpr float kTolerance = 0.01F;                      // share of the distance
+constexpr double kTurnsCost = 1.3;     // times the mean miss, where turns are needless; 2 where they are not
+constexpr double kAlignedShape = 0.5;  // PartSolverOptions::shape, where the tracks tell it
+constexpr float kTolerance = 0.01F;    // share of the distance
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
 
@@ -127,6 +129,7 @@ class Crowds {
 RigidPart Aligned(const Clip& clip, const RigidPart& part, const DepthRange& range, std::vector<FlowTrack>* tracks) {
   PartSolverOptions options;
   options.flow_pixels = kAlignedPixels;
+  options.shape = kAlignedShape;
   options.iterations = kAlignedIterations;
   PartFit fit(clip, *tracks, options, range);
   fit.GoOn(part);
@@ -143,7 +146,7 @@ RigidPart Aligned(const Clip& clip, const RigidPart& part, const DepthRange& ran
   };
   align(kAlignments);
   // Without drift, motion that is simpler has another chance: turns are what drift looks like as well.
-  if (part.turns && !hinged && (fit.LeaveOutTurns() || (hinged = fit.PutOnHinge()))) {
+  if (part.turns && !hinged && (fit.LeaveOutTurns(kTurnsCost) || (hinged = fit.PutOnHinge()))) {
     LogDebug("moving parts: {} explains it as well, once aligned", hinged ? "a hinge" : "motion without turns");
     align(kAlignments);
   }

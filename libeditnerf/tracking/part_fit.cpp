@@ -7,6 +7,7 @@
 
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/percentile.h"
+#include "libeditnerf/tracking/even_choice.h"
 #include "libeditnerf/tracking/part_alignment.h"
 #include "libeditnerf/tracking/part_hinge.h"
 #include "libeditnerf/tracking/part_reversal.h"
@@ -22,9 +23,9 @@ constexpr double kInlierShare = 0.7;                 // of a track's pixels
 constexpr int64_t kLeastSeen = 4;                    // points in a frame
 constexpr int64_t kLeastOverlap = 6;                 // known frames of a track that is to be triangulated
 constexpr size_t kFewPoints = 40, kMostPoints = 90;  // in a solution on the way, and in the last ones
+constexpr size_t kAlignedPoints = 200;               // likewise, once their tracks are exact enough to be worth it
 constexpr int kFewIterations = 15;
 constexpr double kNearest = 0.75, kFarthest = 1.33;   // of a point, as a share of the part's distance
-constexpr double kTurnsNeeded = 1.3;                  // times the mean miss: what leaving out the turns may cost
 constexpr double kHingeCosts = 1.1;                   // likewise, what a hinge may cost; false ones cost 1.2
 constexpr double kHingeDistances[] = {0.8, 1, 1.25};  // times that of the part, from which a hinge is looked for
 constexpr double kKeptShare = 0.9;                    // of the pixels that must go on to follow the part
@@ -111,15 +112,19 @@ PartFit::Share PartFit::Agreement(const PartPoint& point, const FlowTrack& track
   return share;
 }
 
-int64_t PartFit::Observations(const PartPoint& point) const {
-  int64_t sum = 0;
-  for (const size_t i : point.tracks) sum += Agreement(point, tracks_[i]).agree;
-  return sum;
+std::vector<int> PartFit::Following(const PartPoint& point) const {
+  std::vector<int> following(part_.seen.size(), 0);
+  for (const size_t i : point.tracks) {
+    for (int64_t t = tracks_[i].first; t < tracks_[i].end(); ++t)
+      if (part_.seen[At(t)] && Miss(point, tracks_[i], t) < inlier_) ++following[At(t)];
+  }
+  return following;
 }
 
 int64_t PartFit::Observations() const {
   int64_t sum = 0;
-  for (const PartPoint& point : part_.points) sum += Observations(point);
+  for (const PartPoint& point : part_.points)
+    for (const size_t i : point.tracks) sum += Agreement(point, tracks_[i]).agree;
   return sum;
 }
 
@@ -152,13 +157,16 @@ bool PartFit::Solve(size_t most_points, int iterations) {
   return TakeBack(rest);
 }
 
-// Leaves the points with the longest tracks, and returns the others.
+// Leaves points from which every frame is known about as well, as far as there are any, and returns the others. The
+// longest tracks alone would leave the frames that show another side of the part to a handful of points.
 std::vector<PartPoint> PartFit::SetAside(size_t most_points) {
   if (part_.points.size() <= most_points) return {};
-  std::stable_sort(part_.points.begin(), part_.points.end(),
-                   [&](const PartPoint& a, const PartPoint& b) { return Observations(a) > Observations(b); });
-  std::vector<PartPoint> rest(part_.points.begin() + static_cast<int64_t>(most_points), part_.points.end());
-  part_.points.resize(most_points);
+  std::vector<std::vector<int>> following;
+  for (const PartPoint& point : part_.points) following.push_back(Following(point));
+  const std::vector<bool> taken = EvenChoice(following, most_points);
+  std::vector<PartPoint> points, rest;
+  for (size_t i = 0; i < taken.size(); ++i) (taken[i] ? points : rest).push_back(std::move(part_.points[i]));
+  part_.points = std::move(points);
   return rest;
 }
 
@@ -263,17 +271,21 @@ double PartFit::Gain(const PartPoint& point) const {
 }
 
 void PartFit::Settle() {
-  part_ = ScaledFromCameras(clip_, part_, ShortestWay(clip_, tracks_, part_));
-  part_ = ScaledFromCameras(clip_, part_, RestingScale(clip_, part_));
+  std::optional<double> rests = RestingScale(clip_, part_);
+  if (!rests) {
+    part_ = ScaledFromCameras(clip_, part_, ShortestWay(clip_, tracks_, part_));
+    rests = RestingScale(clip_, part_);
+  }
+  part_ = ScaledFromCameras(clip_, part_, rests.value_or(1));
   UpdatePlacements();
 }
 
-bool PartFit::LeaveOutTurns() {
+bool PartFit::LeaveOutTurns(double most_miss) {
   const RigidPart turning = part_;
   const Follow before = Following();
   for (RigidPose& pose : part_.pose) pose.rotation = {0, 0, 0};
   options_.turns = false;
-  if (Solve(kMostPoints, options_.iterations) && FollowsLike(before, kTurnsNeeded)) return true;
+  if (Solve(kMostPoints, options_.iterations) && FollowsLike(before, most_miss)) return true;
   part_ = turning;
   options_.turns = true;
   UpdatePlacements();
@@ -321,8 +333,8 @@ void PartFit::GoOn(const RigidPart& part) {
 }
 
 bool PartFit::SolveAgain() {
-  if (!part_.hinged) return SolveAtLast();
-  const std::vector<PartPoint> rest = SetAside(kMostPoints);
+  if (!part_.hinged) return Solve(kAlignedPoints, options_.iterations);
+  const std::vector<PartPoint> rest = SetAside(kAlignedPoints);
   const std::vector<int64_t> frames = SeenFrames(part_);
   std::optional<Hinge> hinge = NearestHinge(part_, frames);
   if (!hinge || !SolveHinge(clip_, tracks_, options_, frames, &*hinge, &part_)) return false;

@@ -35,8 +35,8 @@ class PartFit {
   // Finds frame t's pose, beginning from that of frame `from`. False, and unknown as before, where too few follow.
   bool Extend(int64_t t, int64_t from);
 
-  // Poses and points of all known frames, by the longest tracks; the others follow, or leave. False where too few are
-  // left.
+  // Poses and points of all known frames, by the points that tell most of them; the others follow, or leave. False
+  // where too few are left.
   bool SolveOnTheWay();
   bool SolveAtLast();
 
@@ -44,14 +44,14 @@ class PartFit {
   // that is the other: a solution that has fallen into the wrong one does not come out of it.
   bool TryInsideOut();
 
-  // Leaves all rotations out where the tracks are explained about as well without them, and says whether it did. What
-  // else they would explain is flow's errors.
-  bool LeaveOutTurns();
+  // Leaves all rotations out where the tracks are explained about as well without them, with at most so many times the
+  // mean miss, and says whether it did. What else they would explain is flow's errors.
+  bool LeaveOutTurns(double most_miss);
 
   // Puts the part on a hinge where the tracks are explained about as well so, and says whether it did.
   bool PutOnHinge();
 
-  // Moves the part to the distance at which it has the shortest way to go (part_scale.h).
+  // Moves the part to the distance at which it rests, or else has the shortest way to go (part_scale.h).
   void Settle();
 
   // Where on its ray a point's first track follows the part best; false where it does not follow.
@@ -90,7 +90,7 @@ class PartFit {
 
   double Miss(const PartPoint& point, const FlowTrack& track, int64_t t) const;
   Share Agreement(const PartPoint& point, const FlowTrack& track) const;
-  int64_t Observations(const PartPoint& point) const;
+  std::vector<int> Following(const PartPoint& point) const;  // pixels that follow in each frame
   Follow Following() const;
   bool FollowsLike(const Follow& other, double most_miss) const;  // with at most so many times its mean miss
   bool Solve(size_t most_points, int iterations);

@@ -18,6 +18,7 @@ constexpr double kAdjacent = 16;                  // pixels at 320 wide, to a po
 constexpr int kBlock = 8;                         // frames added at each end between solutions
 constexpr size_t kFirstReversal = 20;             // known frames from which the part is tried inside out
 constexpr int64_t kLeastOverlap = 6;              // known frames of a track that joins
+constexpr double kTurnsCost = 1.1;                // times the mean miss; drift costs turns of some degrees 1.2
 constexpr double kLeastGainToJoin = 1;            // of a track, over stillness
 constexpr int64_t kLookEvery = 5, kLookFrom = 5;  // lost frames looked at, and frames looked from
 constexpr size_t kTried = 40, kLeastFound = 8;    // points
@@ -47,7 +48,7 @@ class Growth {
       if (!GrowInTime()) return std::nullopt;
     if (!fit_.SolveAtLast()) return std::nullopt;
     fit_.Settle();
-    if (fit_.LeaveOutTurns()) {
+    if (fit_.LeaveOutTurns(kTurnsCost)) {
       Join();
       fit_.Settle();
     } else if (fit_.PutOnHinge()) {

@@ -13,10 +13,10 @@ constexpr int kSteps = 80;             // to each side
 constexpr double kMapSlack = 0.1;      // of the distance: a map that is further off says nothing
 constexpr double kMapShare = 0.5;      // of the shortest way, that all maps together count for
 
-constexpr double kMostOff = 0.12;           // of the scale, that rests can mend
-constexpr int kFineSteps = 600;             // to each side
+constexpr double kMostOff = 0.25;           // of the scale, that rests can mend
+constexpr int kFineSteps = 1250;            // to each side
 constexpr double kStill = 0.3;              // pixels at 320 wide: a way that counts by half
-constexpr double kLeastRest = 6;            // ways that count, over all lags
+constexpr double kLeastRest = 4;            // ways that count, over all lags
 constexpr double kLeastPeak = 2.5;          // times what there is at half of all scales
 constexpr double kLeastCertain = 0.005;     // standard deviation of the scale that rests leave
 constexpr int64_t kLags[] = {2, 4, 8, 16};  // frames
@@ -107,7 +107,7 @@ double ShortestWay(const Clip& clip, const std::vector<FlowTrack>& tracks, const
   return scale[best];
 }
 
-double RestingScale(const Clip& clip, const RigidPart& part) {
+std::optional<double> RestingScale(const Clip& clip, const RigidPart& part) {
   const std::vector<int64_t> frames = SeenFrames(part);
   const std::vector<std::vector<Vec3>> ways = Ways(part, frames);
   // How far a point goes between two frames, and how much farther for every 100 % of scale; pixels at 320 wide.
@@ -144,7 +144,8 @@ double RestingScale(const Clip& clip, const RigidPart& part) {
   const double each = ways.empty() ? 1 : static_cast<double>(ways.size());  // points of one part agree: they count once
   const bool clear = most >= kLeastRest * each && most >= kLeastPeak * Percentile(std::move(restings), 0.5) &&
                      certain > 0 && kStill / std::sqrt(certain / each) < kLeastCertain;
-  return clear ? 1 + best : 1;
+  if (!clear) return std::nullopt;
+  return 1 + best;
 }
 
 }  // namespace editnerf

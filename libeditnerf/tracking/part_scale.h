@@ -7,6 +7,7 @@
 // moving part onto the background often enough, but where they err they do not agree with each other.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "libeditnerf/tracking/clip.h"
@@ -21,9 +22,9 @@ RigidPart ScaledFromCameras(const Clip& clip, const RigidPart& part, double s);
 // The s, between 1 / 2.2 and 2.2, at which the part's points go the shortest way and many depth maps agree.
 double ShortestWay(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part);
 
-// The s, within 12 per cent of 1, at which the part stands still where it rests, and only there: of its ways over 2 to
-// 16 frames those count that are shorter than half a pixel, whatever the others are. Sharper than the shortest way,
-// whose moving frames have a say as well, but only near it. 1 where the part hardly rests while the camera moves.
-double RestingScale(const Clip& clip, const RigidPart& part);
+// The s, within a quarter of 1, at which the part stands still where it rests, and only there: of its ways over 2 to 16
+// frames those count that are shorter than half a pixel, whatever the others are. Sharper than the shortest way, whose
+// moving frames have a say as well. Empty where the part hardly rests while the camera moves.
+std::optional<double> RestingScale(const Clip& clip, const RigidPart& part);
 
 }  // namespace editnerf
