@@ -43,7 +43,7 @@ Config CommonOptions::Over(const Config& run_config) const {
 
 void CommonFlags::AddTo(CLI::App& app) {
   constexpr const char* kGroup = "Common options";
-  app.add_option("--config", config_, "YAML file, or fast, paper or tiny (default: fast)")
+  app.add_option("--config", config_, "YAML file, or fast, fine, paper or tiny (default: fast)")
       ->type_name("FILE")
       ->group(kGroup);
   app.add_option("--set", overrides_, "one setting on top of --config, e.g. train.steps=100; repeatable")

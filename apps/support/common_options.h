@@ -1,7 +1,7 @@
 // The flags that every program takes.
 //
 //   --help --version
-//   --config FILE       a YAML file, or fast (the default), paper, tiny
+//   --config FILE       a YAML file, or fast (the default), fine, paper, tiny
 //   --set KEY=VALUE     one setting on top; repeatable, in order
 //   --device DEVICE     auto (the default: CUDA where there is a device), cpu or cuda
 //   --threads N         0 (the default): every core that the process may use

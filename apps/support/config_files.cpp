@@ -1,5 +1,6 @@
 #include "support/config_files.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <optional>
 
@@ -33,23 +34,29 @@ std::vector<std::string> ConfigNames() {
   return names;
 }
 
-Config LoadNamedConfig(const std::string& name_or_path) {
+Config LoadShortName(const std::string& name) {
   for (const BuiltinConfig& builtin : BuiltinConfigs()) {
-    if (name_or_path != builtin.name) continue;
-    if (const auto path = FindBesideProgram(name_or_path)) {
+    if (name != builtin.name) continue;
+    if (const auto path = FindBesideProgram(name)) {
       LogDebug("configuration: {}", path->string());
-      return LoadConfig(*path);
+      return LoadConfig(*path, LoadShortName);
     }
     LogDebug("configuration: {} (built in)", builtin.name);
-    return LoadConfigText(builtin.text, std::string(builtin.name) + ".yaml (built in)");
+    return LoadConfigText(builtin.text, std::string(builtin.name) + ".yaml (built in)", LoadShortName);
   }
+  Throw<ConfigError>("expected one of {}, found '{}'", fmt::join(ConfigNames(), ", "), name);
+}
+
+Config LoadNamedConfig(const std::string& name_or_path) {
+  const std::vector<std::string> names = ConfigNames();
+  if (std::find(names.begin(), names.end(), name_or_path) != names.end()) return LoadShortName(name_or_path);
   std::error_code code;
   if (!fs::exists(name_or_path, code)) {
     Throw<ConfigError>("{}: no such configuration; expected a YAML file or one of {}", name_or_path,
-                       fmt::join(ConfigNames(), ", "));
+                       fmt::join(names, ", "));
   }
   LogDebug("configuration: {}", name_or_path);
-  return LoadConfig(name_or_path);
+  return LoadConfig(name_or_path, LoadShortName);
 }
 
 }  // namespace editnerf

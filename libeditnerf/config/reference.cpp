@@ -67,11 +67,12 @@ std::string ConfigReference() {
       "`enf --print-config-reference > docs/configuration.md`.\n\n"
       "A configuration file is YAML and names only what it changes: everything else keeps the default below, which is "
       "the\n"
-      "paper's setting. Programs take a file with `--config FILE` (or one of the short names `fast`, `paper`, `tiny`) "
-      "and\n"
-      "single settings with `--set key=value`. Unknown keys, duplicate keys, wrong types and values out of range are "
-      "errors\n"
-      "that name the file and the line. `--print-config` shows what a program would use.\n\n"
+      "paper's setting, or, with `base: NAME` at its top, what the configuration of that short name says. Programs "
+      "take a\n"
+      "file with `--config FILE` (or one of the short names `fast`, `fine`, `paper`, `tiny`) and single settings with\n"
+      "`--set key=value`. Unknown keys, duplicate keys, wrong types and values out of range are errors that name the "
+      "file\n"
+      "and the line. `--print-config` shows what a program would use.\n\n"
       "Settings that must fit each other: `skip_layer` is less than `depth`, or 0; `finest_resolution` is at least\n"
       "`base_resolution`; `final_learning_rate` is at most `learning_rate`.\n";
   Config config;

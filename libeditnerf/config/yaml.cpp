@@ -176,6 +176,24 @@ class SettingsReader {
   std::map<std::string, YAML::Mark> marks_;
 };
 
+// Takes `base` out of a file, and returns what it means.
+Config TakeBase(YAML::Node* node, const Place& place, const ConfigByName& by_name) {
+  if (!node->IsMap() || !(*node)["base"]) return {};
+  const YAML::Node base = (*node)["base"];
+  if (!base.IsScalar()) {
+    Throw<ConfigError>("{}: 'base': expected the name of a configuration, found {}", place(base.Mark()),
+                       FoundText(base));
+  }
+  const std::string name = base.Scalar();
+  const YAML::Mark mark = base.Mark();
+  node->remove("base");
+  try {
+    return by_name(name);
+  } catch (const ConfigError& error) {
+    Throw<ConfigError>("{}: 'base': {}", place(mark), error.what());
+  }
+}
+
 void Write(const Setting& group, int indent, std::string& text) {
   for (const Setting& child : group.children) {
     text += std::string(static_cast<size_t>(indent), ' ') + child.name + ":";
@@ -186,27 +204,28 @@ void Write(const Setting& group, int indent, std::string& text) {
 
 }  // namespace
 
-Config LoadConfigText(const std::string& text, const std::string& name) {
+Config LoadConfigText(const std::string& text, const std::string& name, const ConfigByName& by_name) {
   const Place place = InFile(name);
   if (text.size() > kMaxBytes) Throw<ConfigError>("{}: {} bytes, expected at most {}", name, text.size(), kMaxBytes);
-  Config config;
+  YAML::Node node = Parse(text, place);
+  Config config = by_name ? TakeBase(&node, place, by_name) : Config();
   const Setting root = Describe(config);
   SettingsReader reader(root, place);
-  reader.Read(Parse(text, place), root);
+  reader.Read(node, root);
   if (const auto violation = FindViolation(config)) {
     Throw<ConfigError>("{}: {}", reader.PlaceOf(violation->path), violation->message);
   }
   return config;
 }
 
-Config LoadConfig(const std::filesystem::path& path) {
+Config LoadConfig(const std::filesystem::path& path, const ConfigByName& by_name) {
   std::string text;
   try {
     text = ReadFile(path, kMaxBytes);
   } catch (const DataError& error) {
     throw ConfigError(error.what());
   }
-  return LoadConfigText(text, path.string());
+  return LoadConfigText(text, path.string(), by_name);
 }
 
 void ApplyOverride(Config& config, const std::string& assignment, const std::string& where) {

@@ -72,9 +72,20 @@ TEST_CASE("the short names are the files of configs/") {
   for (const std::string& name : ConfigNames()) {
     INFO(name);
     CHECK(ToYaml(LoadNamedConfig(name)) ==
-          ToYaml(LoadConfig(std::string(EDITNERF_SOURCE_DIR "/configs/") + name + ".yaml")));
+          ToYaml(LoadConfig(std::string(EDITNERF_SOURCE_DIR "/configs/") + name + ".yaml", LoadShortName)));
   }
-  CHECK(ConfigNames() == std::vector<std::string>{"fast", "paper", "tiny"});
+  CHECK(ConfigNames() == std::vector<std::string>{"fast", "fine", "paper", "tiny"});
+}
+
+TEST_CASE("fine is fast but for a few settings") {
+  const Config fast = LoadNamedConfig("fast"), fine = LoadNamedConfig("fine");
+  CHECK(fine.render.march_steps > fast.render.march_steps);
+  Config other = fine;
+  other.render.march_steps = fast.render.march_steps;
+  other.train.seconds = fast.train.seconds;
+  other.field.fast.canonical_hash.log2_table_size = fast.field.fast.canonical_hash.log2_table_size;
+  other.field.fast.local_hash.log2_table_size = fast.field.fast.local_hash.log2_table_size;
+  CHECK(ToYaml(other) == ToYaml(fast));
 }
 
 TEST_CASE("mistakes on the command line end with code 2 and say what is wrong") {
@@ -91,7 +102,7 @@ TEST_CASE("mistakes on the command line end with code 2 and say what is wrong") 
   CHECK_FALSE(unknown.ran);
   const Outcome missing = Run({"x", "--config", "nope"});
   CHECK(missing.code == 2);
-  CHECK(missing.err == "nope: no such configuration; expected a YAML file or one of fast, paper, tiny\n");
+  CHECK(missing.err == "nope: no such configuration; expected a YAML file or one of fast, fine, paper, tiny\n");
   CHECK(Run({"x", "--set", "field.warp.skip_layer=9"}).err ==
         "--set: field.warp.skip_layer is 9, expected less than field.warp.depth (2), or 0\n");
 }

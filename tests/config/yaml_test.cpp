@@ -39,6 +39,14 @@ std::string OverrideError(const std::string& assignment) {
   });
 }
 
+// The one configuration that a file may be based on here: the defaults, but for the steps of training.
+Config Twice(const std::string& name) {
+  if (name != "twice" && name != "fast") Throw<ConfigError>("expected 'twice', found '{}'", name);
+  Config config;
+  config.train.steps *= 2;
+  return config;
+}
+
 struct Named {
   std::string text;
   template <class Visitor>
@@ -54,7 +62,7 @@ TEST_CASE("every configuration file of the project loads and survives a round tr
   for (const auto& entry : std::filesystem::directory_iterator(kConfigs)) {
     if (entry.path().extension() != ".yaml") continue;
     INFO(entry.path());
-    const Config config = LoadConfig(entry.path());
+    const Config config = LoadConfig(entry.path(), Twice);
     CHECK_NOTHROW(ValidateConfig(config, "again"));
     const std::string text = ToYaml(config);
     CHECK(ToYaml(LoadConfigText(text, "round trip")) == text);
@@ -95,6 +103,22 @@ TEST_CASE("a file changes what it names and nothing else") {
   expected.train.steps = expected.pretrain.steps = 12;
   expected.train.learning_rate = expected.pretrain.learning_rate = 2e-3;
   CHECK(ToYaml(config) == ToYaml(expected));
+}
+
+TEST_CASE("a file with a base changes what it names there") {
+  Config expected = Twice("twice");
+  expected.render.march_steps = 99;
+  const std::string text = "render:\n  march_steps: 99\nbase: twice\n";
+  CHECK(ToYaml(LoadConfigText(text, "dice.yaml", Twice)) == ToYaml(expected));
+  CHECK(ToYaml(LoadConfigText("base: twice", "dice.yaml", Twice)) == ToYaml(Twice("twice")));
+  const auto error = [](const std::string& wrong) {
+    return ErrorOf([&] { LoadConfigText(wrong, "dice.yaml", Twice); });
+  };
+  CHECK(error("\nbase: thrice\n") == "dice.yaml:2: 'base': expected 'twice', found 'thrice'");
+  CHECK(error("base: [twice]") == "dice.yaml:1: 'base': expected the name of a configuration, found a list");
+  CHECK(error("base: twice\nbase: twice\n").find("dice.yaml:2: unknown key 'base'") == 0);
+  CHECK(error("base: twice\nrender:\n  march_step: 9\n").find("dice.yaml:3: unknown key 'render.march_step'") == 0);
+  CHECK(LoadError("base: twice\n").find("configs/dice.yaml:1: unknown key 'base'") == 0);
 }
 
 TEST_CASE("a component is there, is not, or is left open") {
