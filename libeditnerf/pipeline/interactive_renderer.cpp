@@ -16,6 +16,7 @@ namespace {
 
 constexpr int64_t kMaxKeptBytes = 64 << 20;
 constexpr int64_t kStripPixels = 16384;  // between two questions whether to stop: some hundredths of a second
+constexpr int64_t kPreviewSteps = 2;     // of a picture's steps along rays, one in so many in a preview
 constexpr int64_t kStripRows = 4;        // strips are whole multiples of the lattice of render/image_renderer.cpp
 
 void Append(const void* data, size_t size, std::string* key) { key->append(static_cast<const char*>(data), size); }
@@ -90,7 +91,7 @@ FrameStates InteractiveRenderer::StatesOf(const PictureRequest& request) const {
 
 void InteractiveRenderer::MakeRoom(const PictureRequest& request, const FrameStates& states) {
   if (!(cell_ > 0)) return;
-  const double enough = request.preview ? cell_ : 0.5 * cell_;
+  const double enough = request.preview || request.passing ? cell_ : 0.5 * cell_;
   const auto known = [&](size_t n) {
     return std::any_of(known_[n].begin(), known_[n].end(),
                        [&](const Vec3& place) { return Norm(place - request.key_points[n]) < enough; });
@@ -109,6 +110,7 @@ torch::Tensor InteractiveRenderer::RenderStrips(const PictureRequest& request, c
   const Camera camera = WithSize(request.camera, request.width, 0);
   ImageOptions options;
   options.tensor = torch::TensorOptions(torch::kFloat32).device(run_.device);
+  if (request.preview) options.march_steps = std::max<int64_t>(run_.config.render.march_steps / kPreviewSteps, 1);
   int64_t rows = camera.height;
   if (stop) rows = std::max<int64_t>(kStripPixels / camera.width / kStripRows, 1) * kStripRows;
   std::vector<torch::Tensor> strips;
@@ -138,7 +140,7 @@ torch::Tensor InteractiveRenderer::Render(const PictureRequest& request, const s
   const FrameStates states = StatesOf(request);
   MakeRoom(request, states);
   const torch::Tensor picture = RenderStrips(request, states, stop);
-  if (!picture.defined() || request.preview) return picture;
+  if (!picture.defined() || request.preview || request.passing) return picture;
   kept_.push_front({key, picture});
   kept_bytes_ += picture.numel();
   while (kept_bytes_ > kMaxKeptBytes && kept_.size() > 1) {

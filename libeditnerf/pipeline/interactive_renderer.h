@@ -21,7 +21,8 @@ struct PictureRequest {
   Camera camera;                 // scene units
   int64_t width = 0;             // pixels, the height follows; 0: as the camera says
   double weights = 0;            // how much of the key points' colours, mixed by their weights, lies over it; [0, 1]
-  bool preview = false;          // room is made (below) only where the state is more than a cell from any known one
+  bool preview = false;          // half the steps along rays; passing as well
+  bool passing = false;          // not kept; room is made (below) only more than a cell from any known state
 };
 
 // Not thread-safe: all calls from one thread, which keeps LibTorch's own threads few as well.
@@ -29,12 +30,13 @@ class InteractiveRenderer {
  public:
   explicit InteractiveRenderer(Run run);
 
-  // uint8 [H, W, 3] on the CPU; undefined where `stop`, asked between strips of the picture, said so.
+  // uint8 [H, W, 3] on the CPU; undefined where `stop`, asked between strips of the picture, said so. `stop` may render
+  // other pictures meanwhile.
   //
   // Occupancy grids are widened for a state when one of its key points is farther than half a cell from every place
   // where this key point is known to have been, in training or in an earlier picture. That a key point makes
   // room for itself wherever the others are is not exact, but what it leaves out is below the grids' own dilation. A
-  // picture that was made with narrower grids can differ in its faintest parts; pictures that are no previews are
+  // picture that was made with narrower grids can differ in its faintest parts; pictures that are not passing are
   // therefore kept for a while, so that a state that is undone shows exactly what it showed before.
   torch::Tensor Render(const PictureRequest& request, const std::function<bool()>& stop = {});
 

@@ -44,6 +44,7 @@ bool RenderThread::Run(const std::string& lane, Work work) {
 bool RenderThread::RunBehind(Work work) {
   auto item = std::make_shared<Item>();
   item->work = std::move(work);
+  item->behind = true;
   return Enqueue(std::move(item), &behind_);
 }
 
@@ -71,12 +72,40 @@ void RenderThread::Loop() {
       queue.pop_front();
       running_ = item;
     }
-    try {
-      item->work([&item] { return item->stale.load(); });
-      item->done.set_value(true);
-    } catch (...) {
-      item->done.set_exception(std::current_exception());
+    RunItem(item);
+  }
+}
+
+void RenderThread::RunItem(const std::shared_ptr<Item>& item) {
+  try {
+    item->work([this, &item] {
+      if (item->behind) RunWaiting();
+      return item->stale.load();
+    });
+    item->done.set_value(true);
+  } catch (...) {
+    item->done.set_exception(std::current_exception());
+  }
+}
+
+// Within work that runs behind.
+void RenderThread::RunWaiting() {
+  std::shared_ptr<Item> behind;
+  for (;;) {
+    std::shared_ptr<Item> item;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (!behind) behind = running_;
+      if (stop_) behind->stale = true;
+      if (waiting_.empty()) {
+        running_ = behind;
+        return;
+      }
+      item = waiting_.front();
+      waiting_.pop_front();
+      running_ = item;
     }
+    RunItem(item);
   }
 }
 

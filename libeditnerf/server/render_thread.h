@@ -2,7 +2,8 @@
 //
 // Pictures for people come first; of each lane (a browser tab), only the newest is of any use: an older one that waits
 // is dropped, and one that is being rendered is told that it is stale. Work that runs behind (frames of a
-// video) is taken when nobody waits, and never dropped.
+// video) is taken when nobody waits, and never dropped; whenever it asks whether it is still wanted, it lets pictures
+// for people go first.
 #pragma once
 
 #include <atomic>
@@ -33,12 +34,15 @@ class RenderThread {
   struct Item {
     std::string lane;
     Work work;
+    bool behind = false;
     std::promise<bool> done;
     std::atomic<bool> stale{false};
   };
 
   bool Enqueue(std::shared_ptr<Item> item, std::deque<std::shared_ptr<Item>>* queue);
   void Loop();
+  void RunItem(const std::shared_ptr<Item>& item);
+  void RunWaiting();
 
   std::mutex mutex_;
   std::condition_variable wake_;

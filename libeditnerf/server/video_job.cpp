@@ -19,7 +19,7 @@ PictureRequest RequestOf(const PlannedFrame& frame, int64_t row) {
   PictureRequest request;
   request.camera = frame.camera;
   request.row = row;
-  request.preview = true;  // it is not worth keeping, and a video's states are close together
+  request.passing = true;  // a video's states are close together
   if (!frame.states.key_points.defined()) return request;
   const auto known = frame.states.key_points[0].to(torch::kCPU, torch::kFloat64).contiguous();
   const auto at = known.accessor<double, 2>();
@@ -86,8 +86,9 @@ void VideoJob::Render(const EditFile& edit) {
   for (size_t i = 0; i < job.frames.size() && !cancel_; ++i) {
     const PictureRequest request = RequestOf(job.frames[i], RowOf(renderer_.run().scene, edit.frames[i].code_frame));
     torch::Tensor picture;  // undefined where Cancel was called, or the thread ends
-    thread_.RunBehind(
-        [&](const std::function<bool()>&) { picture = renderer_.Render(request, [this] { return cancel_.load(); }); });
+    thread_.RunBehind([&](const std::function<bool()>& stale) {
+      picture = renderer_.Render(request, [&] { return stale() || cancel_.load(); });
+    });
     if (!picture.defined()) cancel_ = true;
     if (cancel_) return;
     if (!video) {

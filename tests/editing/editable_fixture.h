@@ -6,6 +6,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "libeditnerf/config/yaml.h"
 #include "libeditnerf/editing/edit_session.h"
@@ -55,11 +56,12 @@ inline std::shared_ptr<const EditableScene> FixtureEditableScene() {
 }
 
 // The fast field with random contents, so that pictures show something that depends on the key points.
-inline Run FixtureRun() {
+inline Run FixtureRun(const std::vector<std::string>& settings = {}) {
   torch::manual_seed(3);
   Config config = LoadConfig(std::string(EDITNERF_SOURCE_DIR) + "/configs/fast.yaml");
   config.field.fast.canonical_hash.log2_table_size = config.field.fast.local_hash.log2_table_size = 10;
   config.render.occupancy_resolution = 16;
+  for (const std::string& setting : settings) ApplyOverride(config, setting);
   Run run = MakeRun(config, FieldStage::kTrain, FixtureScene(), FixtureTracks().to(torch::kFloat32), torch::kCPU);
   const torch::NoGradGuard no_grad;
   for (const auto& item : run.field->named_parameters()) {

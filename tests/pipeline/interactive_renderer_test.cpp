@@ -54,6 +54,35 @@ TEST_CASE("a picture that nobody waits for is given up between its strips, and m
   CHECK(torch::equal(strips, InteractiveRenderer(FixtureRun()).Render(request)));
 }
 
+TEST_CASE("other pictures can be made between the strips of one") {
+  PictureRequest large = Middle(), other = Middle();
+  large.width = 320;
+  large.passing = true;
+  other.key_points[0].y -= 0.05;
+  InteractiveRenderer renderer(FixtureRun());
+  torch::Tensor between;
+  const auto make_another = [&] {
+    if (!between.defined()) between = renderer.Render(other);
+    return false;
+  };
+  const torch::Tensor picture = renderer.Render(large, make_another);
+  CHECK(torch::equal(between, InteractiveRenderer(FixtureRun()).Render(other)));
+  CHECK(torch::equal(picture, InteractiveRenderer(FixtureRun()).Render(large)));
+}
+
+TEST_CASE("a preview takes half the steps along rays, a passing picture all") {
+  InteractiveRenderer renderer(FixtureRun());
+  const torch::Tensor full = renderer.Render(Middle());
+  PictureRequest request = Middle();
+  request.passing = true;
+  CHECK(torch::equal(InteractiveRenderer(FixtureRun()).Render(request), full));
+  request.preview = true;
+  const torch::Tensor preview = InteractiveRenderer(FixtureRun()).Render(request);
+  CHECK_FALSE(torch::equal(preview, full));
+  request.preview = false;
+  CHECK(torch::equal(InteractiveRenderer(FixtureRun({"render.march_steps=64"})).Render(request), preview));
+}
+
 TEST_CASE("weights lie over the picture by the share that is asked for") {
   InteractiveRenderer renderer(FixtureRun());
   PictureRequest request = Middle();
