@@ -70,7 +70,7 @@ class Link {
     this.timer = setTimeout(() => {
       this.still = true;
       this.pump();
-    }, 80);
+    }, 60);
   }
 
   async pump() {
