@@ -4,6 +4,7 @@
 
 #include <torch/torch.h>
 
+#include <algorithm>
 #include <map>
 #include <string>
 
@@ -31,6 +32,8 @@ struct Setting {
   int64_t window_steps = 0, step = 1000000;
   bool turning = false;  // parts that turn as their key points move
   std::string kernel = "fp32";
+  Box box = kBox;
+  double near = kNear, far = kFar;
 };
 
 inline HyperspaceFieldOptions OptionsFor(const Setting& setting) {
@@ -55,7 +58,7 @@ inline HyperspaceFieldOptions OptionsFor(const Setting& setting) {
   config.fast.density_bias = setting.density_bias;
   options.stage = setting.stage;
   options.num_frames = kFrames;
-  options.box = kBox;
+  options.box = setting.box;
   if (setting.stage == FieldStage::kTrain && setting.key_points > 0) {
     options.num_key_points = setting.key_points;
     options.initial_tracks = torch::rand({kFrames, setting.key_points, 3}) - 0.5;
@@ -88,7 +91,7 @@ inline RenderConfig ConfigFor(const Setting& setting) {
 inline RayRenderer MakeRenderer(const HyperspaceField& field, const Setting& setting) {
   std::optional<Box> local_box;
   if (field.has_rigid_anchor()) local_box = Box{{-2, -2, -2}, {2, 2, 2}};
-  return RayRenderer(ConfigFor(setting), kNear, kFar, kBox, local_box);
+  return RayRenderer(ConfigFor(setting), setting.near, setting.far, setting.box, local_box);
 }
 
 // Random backgrounds, jitter and known distances.
@@ -110,6 +113,17 @@ inline RayBatch RandomRays(int64_t count) {
   rays.state = torch::randint(kFrames, {count}, torch::kInt64);
   return rays;
 }
+
+// One ray that stays in kBox, so that it has a sample for each of the setting's steps.
+inline RayBatch RayInside() {
+  RayBatch rays;
+  rays.origin = torch::tensor({{-0.9F, -0.7F, -0.5F}});
+  const auto toward = torch::tensor({{0.9F, 0.8F, 1.1F}}) - rays.origin;
+  rays.direction = toward / toward.norm(2, -1, true);
+  rays.state = torch::randint(kFrames, {1}, torch::kInt64);
+  return rays;
+}
+constexpr double kFarInside = 2.8;
 
 inline RayObjective ObjectiveFor(const Setting& setting) {
   RayObjective objective;
@@ -183,6 +197,28 @@ inline Found Fused(HyperspaceField& field, RayRenderer& renderer, const RayBatch
 
 inline double RelativeDifference(const torch::Tensor& found, const torch::Tensor& expected) {
   return (found - expected).norm().item<double>() / std::max(expected.norm().item<double>(), 1e-9);
+}
+
+// Every gradient within 1e-5 of the exact one, in float64 (3e-5 where sums cancel), or no farther than twice
+// what the expected one, in float32, is off.
+inline void CheckGradients(const Gradients& found, const Gradients& expected, const Gradients& exact) {
+  for (const auto& [name, gradient] : expected) {
+    INFO(name);
+    // Where a sum cancels, as before a softmax, float32 is no better in the reference either; and what a bias sums is
+    // as large as what its layer's weights sum.
+    const double rounding = RelativeDifference(gradient, exact.at(name));
+    double size = gradient.norm().item<double>();
+    if (const auto at = name.rfind(".bias"); at != std::string::npos) {
+      size = std::max(size, expected.at(name.substr(0, at) + ".weight").norm().item<double>());
+    }
+    const double difference = (found.at(name).to(torch::kFloat64) - exact.at(name)).norm().item<double>();
+    // What reaches the weights is a small difference of what their key points would get, each in a frame of its own;
+    // and all samples' pulls on a key point add up to little.
+    const bool of_weights = name.rfind("weights.", 0) == 0;
+    const bool of_key_points = name.rfind("key_points.", 0) == 0 || name.rfind("local_frames.", 0) == 0;
+    const double allowed = of_weights || of_key_points ? 3e-5 : 1e-5;
+    CHECK(difference <= std::max(allowed, 2 * rounding) * size);
+  }
 }
 
 }  // namespace editnerf

@@ -4,6 +4,7 @@
 
 #include "libeditnerf/base/error.h"
 #include "tests/catch.h"
+#include "tests/kernels/each_target.h"
 
 using namespace editnerf;
 
@@ -56,6 +57,17 @@ TEST_CASE("fused mlp agrees with its reference in value and every gradient") {
     CheckAgainstReference({1, 1}, samples, true);
     CheckAgainstReference({3, 128, 130, 2}, samples, true);
   }
+}
+
+TEST_CASE("fused mlp agrees with its reference for odd numbers of samples, for every instruction set") {
+  ForEachTarget([] {
+    torch::manual_seed(3);
+    for (const int64_t samples : {0, 1, 7, 63, 65, 97}) {
+      CheckAgainstReference({35, 64, 64, 16}, samples, true);
+      CheckAgainstReference({7, 20, 33}, samples, false);
+      CheckAgainstReference({1, 1}, samples, true);
+    }
+  });
 }
 
 TEST_CASE("fused mlp gives inputs that need no gradient none") {

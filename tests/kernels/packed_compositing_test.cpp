@@ -137,6 +137,28 @@ TEST_CASE("packed surface and distortion equal the padded ones") {
   CHECK(GradientError(loss, {leaf}) < 1e-7);
 }
 
+TEST_CASE("packed compositing of no samples shows the background, and passes nothing else on") {
+  torch::manual_seed(4);
+  for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
+    const auto offsets = torch::zeros({8}, torch::kInt64);
+    const auto density = torch::zeros({0}, dtype).requires_grad_(true), delta = torch::zeros({0}, dtype);
+    const auto radiance = torch::zeros({0, 3}, dtype).requires_grad_(true);
+    const auto background = torch::rand({7, 3}, dtype).requires_grad_(true);
+    const auto picture = CompositePacked(density, delta, offsets, radiance, background);
+    CHECK(picture.weights.size(0) == 0);
+    CHECK(torch::equal(picture.transparency, torch::ones({7}, dtype)));
+    CHECK(torch::equal(picture.opacity, torch::zeros({7}, dtype)));
+    CHECK(torch::equal(picture.rgb, background));
+    const auto upstream = torch::randn({7, 3}, dtype);
+    const auto grads = torch::autograd::grad({(picture.rgb * upstream).sum()}, {density, radiance, background});
+    CHECK(grads[0].sizes() == density.sizes());
+    CHECK(grads[1].sizes() == radiance.sizes());
+    CHECK(torch::equal(grads[2], upstream));
+    CHECK(torch::equal(CompositePacked(density, delta, offsets, radiance).rgb, torch::zeros({7, 3}, dtype)));
+    CHECK(torch::equal(PackedDistortion(picture.weights, delta, delta, offsets), torch::zeros({7}, dtype)));
+  }
+}
+
 TEST_CASE("packed compositing refuses other types and shapes by name") {
   const auto offsets = torch::tensor({0, 2, 3}, torch::kInt64);
   const auto three = torch::zeros({3});

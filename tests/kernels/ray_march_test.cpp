@@ -94,6 +94,34 @@ TEST_CASE("marching keeps the samples that looking up every candidate keeps") {
   }
 }
 
+TEST_CASE("marching keeps the samples that looking up every candidate keeps for odd numbers of rays and steps") {
+  torch::manual_seed(3);
+  const RandomGrid whole(kBox, 7, 0.5), local(kLocalBox, 7, 0.5);
+  for (const int64_t count : {1, 7, 63, 65}) {
+    const auto rays = RandomRays(count);
+    for (const int64_t steps : {1, 7, 63, 65}) {
+      INFO(count << " rays, " << steps << " steps");
+      CHECK(AgreesWithLookUps(rays, steps, whole, nullptr));
+      CHECK(AgreesWithLookUps(rays, steps, whole, &local));
+    }
+  }
+}
+
+TEST_CASE("marching starts on the lower faces of the box and ends before the upper ones") {
+  const RandomGrid grid({{-1, -1, -1}, {1, 1, 1}}, 8, 1);
+  MarchedRays rays;
+  rays.origin = torch::tensor({{-1.5F, -1.0F, 0.0F}, {-1.5F, 1.0F, 0.0F}, {-1.5F, 0.0F, 1.0F}, {-1.5F, 0.0F, -1.0F}});
+  rays.direction = torch::tensor({{1.0F, 0.0F, 0.0F}}).expand({4, 3}).contiguous();
+  rays.jitter = torch::full({4}, 0.5F);
+  const auto samples = MarchRays(rays, 0.25, 4.25, 16, grid.bits);  // at x = -1.125, -0.875 and so on
+  CHECK(torch::equal(samples.offsets, torch::tensor({0, 8, 8, 8, 16}, torch::kInt64)));
+  rays.jitter.zero_();  // at x = -1.25, -1 and so on
+  const auto on_faces = MarchRays(rays, 0.25, 4.25, 16, grid.bits);
+  CHECK(torch::equal(on_faces.offsets, torch::tensor({0, 8, 8, 8, 16}, torch::kInt64)));
+  CHECK(on_faces.t[0].item<double>() == 0.5);
+  CHECK(on_faces.t[7].item<double>() == 2.25);
+}
+
 TEST_CASE("marching keeps nothing of rays that are not finite or miss the box") {
   const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
   torch::manual_seed(2);
@@ -137,6 +165,7 @@ TEST_CASE("marching refuses other types and shapes by name") {
   CHECK_NOTHROW(MarchRays(rays, kNear, kFar, 10, grid.bits));
   CHECK_THROWS_AS(MarchRays(rays, kNear, kFar, 10, grid.bits, &grid.bits), ShapeError);
   CHECK_THROWS_AS(MarchRays(rays, kNear, kFar, 0, grid.bits), ShapeError);
+  CHECK_THROWS_AS(MarchRays(RandomRays(0), kNear, kFar, 10, grid.bits), ShapeError);
   rays = RandomRays(5);
   rays.turn = torch::zeros({5, 3});
   CHECK_THROWS_AS(MarchRays(rays, kNear, kFar, 10, grid.bits, &grid.bits), ShapeError);
