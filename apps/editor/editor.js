@@ -11,6 +11,15 @@ function keepFocus(ids, change) {
   if (ids.includes(before?.id) && !usable(before)) ids.map(element).find(usable)?.focus();
 }
 
+// For measuring: tests/browser. Browsers keep every entry until it is cleared.
+const MOST_MEASURES = 2000;
+let measured = 0;
+function measure(name, start, detail) {
+  performance.measure(name, { start, end: performance.now(), detail });
+  if (++measured % 16 === 0 && performance.getEntriesByType('measure').length > MOST_MEASURES)
+    performance.clearMeasures();
+}
+
 const editor = {
   scene: null,
   state: null,
@@ -34,8 +43,8 @@ const editor = {
     drawPoints();
   },
   say(text) {
-    element('gone').hidden = !text;
-    element('gone').textContent = text;
+    element('gone-says').textContent = text;
+    keepFocus(['gone-close', 'help'], () => (element('gone').hidden = element('gone-close').hidden = !text));
   },
 };
 
@@ -47,13 +56,11 @@ const link = new Link({
     if (picture) {
       await stage.show(picture);
       if (moved && picture.preview) {
-        // for measuring: tests/browser
-        const detail = { rendering: picture.milliseconds, width: picture.width };
-        performance.measure('move to picture', { start: moved, end: performance.now(), detail });
+        measure('move to picture', moved, { rendering: picture.milliseconds, width: picture.width });
         this.shown = performance.now();
       }
       if (!picture.preview && this.shown) {
-        performance.measure('preview to full picture', { start: this.shown, end: performance.now() });
+        measure('preview to full picture', this.shown);
         this.shown = 0;
       }
       element('status').textContent = `${picture.width} x ${picture.height}, ${picture.milliseconds.toFixed(0)} ms`;
@@ -62,12 +69,17 @@ const link = new Link({
     requestAnimationFrame(() => stage.draw()); // the next request goes first
     drawSoon(picture?.preview && !first);
   },
-  mistake: (message) => editor.say(message),
+  mistake(message) {
+    editor.say((this.said = message));
+  },
+  good() {
+    if (element('gone-says').textContent === this.said) editor.say('');
+  },
   gone(error) {
     element('status').textContent = 'not connected';
     editor.say(
-      error.status === 403
-        ? 'enf-edit was started anew with another token, or the address is not complete: open the address that it printed.'
+      error.status
+        ? error.message
         : 'enf-edit does not answer. It may have been stopped; this page goes on by itself when it is back.',
     );
   },
@@ -130,6 +142,7 @@ function make(name, properties, ...children) {
 // The list is made once and then only changed: a button that has the focus keeps it.
 function buildPoints() {
   element('no-points').hidden = editor.scene.colors.length > 0;
+  element('weights').disabled = !editor.scene.colors.length;
   element('points').replaceChildren(
     ...editor.scene.colors.map((color, n) => {
       const dotMark = make('span', { className: 'dot' });
@@ -269,6 +282,7 @@ function wire() {
   click('camera-before', () => nextCamera(-1));
   click('camera-after', () => nextCamera(1));
   click('motion-play', playMotion);
+  click('gone-close', () => editor.say(''));
   click('help', () => element('help-box').showModal());
   click('theme', () => {
     const root = document.documentElement;

@@ -6,8 +6,9 @@ const MOST_KEY_FRAMES = 300; // of a trail that is made at once
 
 class Motion {
   constructor(editor) {
-    Object.assign(this, { editor, found: null, point: null, playing: 0 });
+    Object.assign(this, { editor, found: null, point: null, playing: 0, pairs: [] });
     const ids = ['box', 'file', 'key-point', 'says', 'picture', 'progress', 'reversed', 'straight', 'preview', 'apply'];
+    ids.push('pairing', 'frame', 'frame-at', 'row', 'pair', 'pairs');
     this.part = Object.fromEntries(ids.map((id) => [id, document.getElementById(`motion-${id}`)]));
     const on = (name, event, act) => this.part[name].addEventListener(event, act);
     document.getElementById('motion-open').addEventListener('click', () => this.open());
@@ -22,6 +23,8 @@ class Motion {
     on('picture', 'keydown', (event) => this.key(event));
     for (const id of ['key-point', 'reversed', 'straight'])
       on(id, 'change', () => this.found && this.attempt(() => this.follow()));
+    on('frame', 'input', () => this.draw());
+    on('pair', 'click', () => this.addPair());
     on('preview', 'click', () => this.preview());
     on('apply', 'click', () => this.apply());
     on('box', 'close', () => this.stop());
@@ -36,6 +39,7 @@ class Motion {
   open() {
     if (!this.editor.scene?.colors.length || this.part.box.open) return;
     if (trail.recording) trail.record(); // what is tried here is no part of it
+    Object.assign(this.part.row, { max: this.editor.scene.training_frames.length, value: this.editor.state.row + 1 });
     this.part.box.showModal();
   }
 
@@ -63,6 +67,7 @@ class Motion {
   async upload(file) {
     if (!file) return;
     this.image = this.point = null;
+    this.setPairs([]);
     this.say(`Sending ${file.name}`);
     let answer;
     for (let offset = 0; offset === 0 || offset < file.size; offset += PIECE) {
@@ -88,7 +93,12 @@ class Motion {
     const body = { tab, u: this.point[0], v: this.point[1], key_point: Number(this.part['key-point'].value) };
     await ask('api/motion', {
       method: 'POST',
-      body: { ...body, reversed: reversed.checked, axes: straight.checked ? 1 : 2 },
+      body: {
+        ...body,
+        reversed: reversed.checked,
+        axes: straight.checked ? 1 : 2,
+        pairs: this.pairs.length > 1 ? this.pairs : [],
+      },
     });
     for (;;) {
       const status = await ask(addressOf('api/motion'));
@@ -110,9 +120,46 @@ class Motion {
     );
   }
 
+  // Pairs are [frame of the video, row of the training frames]; one alone says nothing yet.
+  addPair() {
+    const { frame, row } = this.part;
+    if (!row.reportValidity() || row.value === '') return;
+    const pair = [Number(frame.value), Number(row.value) - 1];
+    this.setPairs([...this.pairs.filter(([other]) => other !== pair[0]), pair].sort(([a], [b]) => a - b));
+    if (this.pairs.length > 1) this.attempt(() => this.follow());
+  }
+
+  setPairs(pairs) {
+    const { pairs: list, reversed, straight } = this.part,
+      before = this.pairs;
+    this.pairs = pairs;
+    list.hidden = !pairs.length;
+    list.replaceChildren(
+      ...pairs.map(([frame, row]) => {
+        const item = document.createElement('li'),
+          button = document.createElement('button');
+        button.textContent = `${frame + 1} is ${row + 1} \u00d7`;
+        button.title = `Video frame ${frame + 1} is training frame ${row + 1}: remove this pair`;
+        button.addEventListener('click', () => {
+          this.setPairs(this.pairs.filter(([other]) => other !== frame));
+          if (this.found) this.attempt(() => this.follow());
+        });
+        item.append(button);
+        return item;
+      }),
+    );
+    reversed.disabled = straight.disabled = pairs.length > 1;
+    if (before.length && !pairs.length) this.part.pair.focus();
+  }
+
   draw() {
-    const { picture, preview, apply } = this.part;
+    const { picture, preview, apply, pairing, frame } = this.part;
     preview.disabled = apply.disabled = !this.found;
+    pairing.hidden = !this.found;
+    if (this.found) {
+      frame.max = this.found.track.length - 1;
+      this.part['frame-at'].textContent = `${Number(frame.value) + 1} / ${this.found.track.length}`;
+    }
     picture.hidden = !this.image;
     if (!this.image) return;
     const zoom = Math.max(1, 640 / this.image.width); // of a small video, so that lines on it can be thin
@@ -134,6 +181,10 @@ class Motion {
       }
     };
     if (this.found) stroke(() => this.found.track.forEach(([x, y]) => pen.lineTo(x, y)));
+    if (this.found && Number(frame.value) > 0) {
+      const [u, v] = this.found.track[Number(frame.value)];
+      stroke(() => pen.arc(u, v, 7 * unit, 0, 2 * Math.PI));
+    }
     const [x, y] = this.point;
     stroke(() => {
       for (const [dx, dy] of [

@@ -2,8 +2,13 @@
 // nobody waits for any more is given up.
 
 const token = new URLSearchParams(location.search).get('token') || '';
+
+// The page's name for the server. A tab that is duplicated begins with a copy of the storage, so the name is in there
+// only from the end of the page to its next load, or to its return from the back/forward cache.
 const tab = sessionStorage.getItem('tab') || crypto.getRandomValues(new Uint32Array(3)).join('-');
-sessionStorage.setItem('tab', tab);
+addEventListener('pagehide', () => sessionStorage.setItem('tab', tab));
+addEventListener('pageshow', () => sessionStorage.removeItem('tab'));
+sessionStorage.removeItem('tab'); // pageshow comes only when everything is loaded
 
 const addressOf = (path, more = {}) => path + '?' + new URLSearchParams({ token, tab, ...more });
 
@@ -11,9 +16,10 @@ async function ask(path, { method = 'GET', body, bytes, signal } = {}) {
   const headers = { 'X-Editor-Token': token };
   if (body) headers['Content-Type'] = 'application/json';
   const answer = await fetch(path, { method, headers, signal, body: bytes || (body && JSON.stringify(body)) });
-  const json = await answer.json();
-  if (!answer.ok) throw Object.assign(new Error(json.error || answer.statusText), { status: answer.status });
-  return json;
+  const { status, statusText } = answer;
+  if (answer.ok) return answer.json();
+  const { error = `${status} ${statusText}` } = await answer.json().catch(() => ({})); // a proxy's is no JSON
+  throw Object.assign(new Error(error), { status });
 }
 
 // Whether `next` can stand for `last` as well, which then takes its values.
@@ -29,11 +35,12 @@ function merged(last, next) {
 }
 
 class Link {
-  // on: { answer(state, picture, moved), mistake(message), gone(message), back() }
+  // on: { answer(state, picture, moved), mistake(message), good(), gone(error), back() }
   constructor(on) {
     Object.assign(this, { on, pending: [], preview: false, still: false, busy: null, moved: 0, isGone: false });
     this.previewWidth = 160;
     this.stillWidth = 320;
+    this.refused = null; // the operations of the last request that was answered by an error
     this.weights = 0; // of the colours over the picture
     this.before = () => []; // operations in front of and behind each request's own: how a trail is recorded
     this.behind = () => [];
@@ -90,10 +97,19 @@ class Link {
         signal: abort.signal,
       });
       if (answer.picture && answer.picture.preview) this.adapt(answer.picture);
+      // A picture alone says nothing about an operation that was refused, and follows it at once.
+      if (this.refused && (operations.length || !this.refused.length)) {
+        this.refused = null;
+        this.on.good();
+      }
       await this.on.answer(answer.state, answer.picture, moved, answer.fresh);
     } catch (error) {
-      if (error.status === 400) this.on.mistake(error.message);
-      else if (error.name !== 'AbortError') this.lose(error);
+      if (error.status && error.status !== 403) {
+        this.refused = operations;
+        this.on.mistake(error.message);
+      } else if (error.name !== 'AbortError') {
+        this.lose(error); // nobody answers, or nobody who knows this page
+      }
     }
     this.busy = null;
     this.pump();
@@ -120,7 +136,8 @@ class Link {
         await ask('api/video');
         this.isGone = false;
       } catch (again) {
-        this.on.gone(again);
+        this.isGone = !again.status || again.status === 403;
+        if (this.isGone && again.message !== error.message) this.on.gone((error = again)); // once, as one may close it
       }
     }
     this.on.back();

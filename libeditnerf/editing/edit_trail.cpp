@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/editing/orbit_camera.h"
@@ -18,15 +19,156 @@ double MonotoneSlope(double left_secant, double left, double right_secant, doubl
   return (a + b) / (a / left_secant + b / right_secant);
 }
 
-// One coordinate between values y1 and y2, `span` seconds apart.
-double Hermite(double y1, double y2, double slope1, double slope2, double span, double x) {
+Vec3 MonotoneSlope(const Vec3& left_secant, double left, const Vec3& right_secant, double right) {
+  return {MonotoneSlope(left_secant.x, left, right_secant.x, right),
+          MonotoneSlope(left_secant.y, left, right_secant.y, right),
+          MonotoneSlope(left_secant.z, left, right_secant.z, right)};
+}
+
+// Between values y1 and y2, `span` seconds apart.
+Vec3 Hermite(const Vec3& y1, const Vec3& y2, const Vec3& slope1, const Vec3& slope2, double span, double x) {
   const double x2 = x * x, x3 = x2 * x;
   return (2 * x3 - 3 * x2 + 1) * y1 + (x3 - 2 * x2 + x) * span * slope1 + (3 * x2 - 2 * x3) * y2 +
          (x3 - x2) * span * slope2;
 }
 
-const Vec3& KeyPointOf(const TrailFrame& frame, size_t n) { return frame.key_points[n]; }
-const Vec3& PositionOf(const TrailFrame& frame, size_t) { return frame.camera.position; }
+// The rotation vector (axis times angle, at most half a turn) of a rotation.
+Vec3 RotationVector(const Mat3& turn) {
+  Vec3 axis = {turn(2, 1) - turn(1, 2), turn(0, 2) - turn(2, 0), turn(1, 0) - turn(0, 1)};  // times 2 sin(angle)
+  const double cosine = (turn(0, 0) + turn(1, 1) + turn(2, 2) - 1) / 2, sine = Norm(axis) / 2;
+  if (sine < 1e-9) {
+    if (cosine > 0) return axis / 2;
+    // Half a turn: the axis is the largest column of turn + 1.
+    for (int i = 0; i < 3; ++i) {
+      const Vec3 column = {turn(0, i) + (i == 0), turn(1, i) + (i == 1), turn(2, i) + (i == 2)};
+      if (Norm(column) > Norm(axis)) axis = column;
+    }
+  }
+  return Normalized(axis) * std::atan2(sine, cosine);
+}
+
+Mat3 Rotated(const Mat3& orientation, const Vec3& rotation_vector) {
+  const double angle = Norm(rotation_vector);
+  return angle > 0 ? RotationAround(rotation_vector / angle, angle) * orientation : orientation;
+}
+
+// Between orientations, `span` seconds apart, with angular velocities turn1 and turn2 there, in the camera's axes: a
+// cubic Bezier curve of rotations (Shoemake, 1985).
+Mat3 BezierRotation(const Mat3& r1, const Mat3& r2, const Vec3& turn1, const Vec3& turn2, double span, double x) {
+  const Mat3 b1 = Rotated(r1, turn1 * (span / 3)), b2 = Rotated(r2, turn2 * (-span / 3));
+  const Mat3 middle = BetweenRotations(b1, b2, x);
+  return BetweenRotations(BetweenRotations(BetweenRotations(r1, b1, x), middle, x),
+                          BetweenRotations(middle, BetweenRotations(b2, r2, x), x), x);
+}
+
+Vec3 SeenFrom(const Camera& camera, const Vec3& point) { return camera.orientation * (point - camera.position); }
+
+// What two cameras turn around: the point where their optical axes meet. Where they only almost do and the one camera
+// becomes the other by a turn around a line that both see, such as that of an orbit around something beside the middle
+// of the picture, it lies on that line. Nothing where there is no such point at a sensible distance in front of both.
+std::optional<Vec3> TargetOf(const Camera& a, const Camera& b) {
+  constexpr double kLeastSine = 0.017;  // of the angle between the axes: on a smaller turn a chord is as good
+  constexpr double kMeet = 1e-6, kAlmostMeet = 0.1;  // of the distance
+  constexpr double kNearest = 0.1;                   // of the way between the cameras
+  const Vec3 za = a.orientation.Row(2), zb = b.orientation.Row(2), way = b.position - a.position;
+  const Vec3 normal = Cross(za, zb);
+  const double sine2 = Dot(normal, normal);
+  if (!(sine2 >= kLeastSine * kLeastSine)) return std::nullopt;
+  // The nearest points of the two axes.
+  const double to_a = Dot(Cross(way, zb), normal) / sine2, to_b = Dot(Cross(way, za), normal) / sine2;
+  const Vec3 on_a = a.position + za * to_a, on_b = b.position + zb * to_b, meeting = (on_a + on_b) * 0.5;
+  const double gap = Norm(on_a - on_b), distance = std::min(to_a, to_b);
+  const bool in_front = distance > kNearest * Norm(way);
+  if (in_front && gap <= kMeet * distance) return meeting;
+
+  const Vec3 turn = a.orientation.Transposed() * -RotationVector(b.orientation * a.orientation.Transposed());
+  const double angle = Norm(turn), slide = Dot(turn, way) / angle;  // along the line
+  const Vec3 line = turn / angle;
+  Vec3 target = (a.position + b.position) * 0.5 + Cross(line, way) / (2 * std::tan(angle / 2));
+  target += line * Dot(line, meeting - target);
+  const auto sees = [&](const Camera& camera) {
+    const Vec3 seen = SeenFrom(camera, target);
+    return seen.z > kNearest * Norm(way) && std::hypot(seen.x, seen.y) <= seen.z;
+  };
+  if (std::abs(slide) <= kMeet * Norm(way) && sees(a) && sees(b)) return target;
+  if (in_front && gap <= kAlmostMeet * distance) return meeting;
+  return std::nullopt;
+}
+
+// Of a key frame, per second. The angular velocity is in the camera's axes.
+struct CameraVelocity {
+  Vec3 turn, move;
+};
+
+// The key frames of a trail and what follows from their neighbours.
+class TrailCurve {
+ public:
+  explicit TrailCurve(const std::vector<TrailFrame>& frames) : frames_(frames) {}
+
+  double Span(size_t i) const { return frames_[i + 1].time - frames_[i].time; }  // of key frames i and i + 1
+
+  // Of point(frame) at key frame i; the trail comes to rest at its ends.
+  template <class Point>
+  Vec3 Slope(size_t i, const Point& point) const {
+    if (IsEnd(i)) return {};
+    const Vec3 before = point(frames_[i - 1]), here = point(frames_[i]), after = point(frames_[i + 1]);
+    return MonotoneSlope((here - before) / Span(i - 1), Span(i - 1), (after - here) / Span(i), Span(i));
+  }
+
+  template <class Point>
+  Vec3 Between(size_t i, double share, const Point& point) const {
+    return Hermite(point(frames_[i]), point(frames_[i + 1]), Slope(i, point), Slope(i + 1, point), Span(i), share);
+  }
+
+  // Position and orientation between key frames i and i + 1.
+  void PlaceCamera(size_t i, double share, Camera* camera) const {
+    const Camera &a = frames_[i].camera, &b = frames_[i + 1].camera;
+    const CameraVelocity va = VelocityAt(i), vb = VelocityAt(i + 1);
+    camera->orientation = BezierRotation(a.orientation, b.orientation, va.turn, vb.turn, Span(i), share);
+    if (const auto target = Target(i)) {
+      const auto slope = [&](const Camera& at, const CameraVelocity& velocity) {
+        return Cross(velocity.turn, SeenFrom(at, *target)) - at.orientation * velocity.move;
+      };
+      const Vec3 seen = Hermite(SeenFrom(a, *target), SeenFrom(b, *target), slope(a, va), slope(b, vb), Span(i), share);
+      camera->position = *target - camera->orientation.Transposed() * seen;
+    } else {
+      camera->position = Hermite(a.position, b.position, va.move, vb.move, Span(i), share);
+    }
+  }
+
+ private:
+  bool IsEnd(size_t i) const { return i == 0 || i + 1 == frames_.size(); }
+
+  std::optional<Vec3> Target(size_t i) const { return TargetOf(frames_[i].camera, frames_[i + 1].camera); }
+
+  Vec3 TurnSecant(size_t i) const {
+    return RotationVector(frames_[i + 1].camera.orientation * frames_[i].camera.orientation.Transposed()) / Span(i);
+  }
+
+  // The camera moves as it must for the targets around key frame i to stay where they are in the picture.
+  CameraVelocity VelocityAt(size_t i) const {
+    if (IsEnd(i)) return {};
+    const Camera& camera = frames_[i].camera;
+    CameraVelocity velocity;
+    velocity.turn = MonotoneSlope(TurnSecant(i - 1), Span(i - 1), TurnSecant(i), Span(i));
+    int targets = 0;
+    for (const size_t side : {i - 1, i}) {
+      const auto target = Target(side);
+      if (!target) continue;
+      const Vec3 slope = Slope(i, [&](const TrailFrame& frame) { return SeenFrom(frame.camera, *target); });
+      velocity.move += camera.orientation.Transposed() * (Cross(velocity.turn, SeenFrom(camera, *target)) - slope);
+      ++targets;
+    }
+    if (targets == 0) {
+      velocity.move = Slope(i, [](const TrailFrame& frame) { return frame.camera.position; });
+    } else {
+      velocity.move = velocity.move / targets;
+    }
+    return velocity;
+  }
+
+  const std::vector<TrailFrame>& frames_;
+};
 
 }  // namespace
 
@@ -49,25 +191,6 @@ void EditTrail::Add(const TrailFrame& frame) {
   frames_.push_back(frame);
 }
 
-Vec3 EditTrail::CurveAt(size_t before, double share, const Vec3& (*point)(const TrailFrame&, size_t),
-                        size_t index) const {
-  const auto secant = [&](size_t i, double Vec3::*axis) {  // of key frames i and i + 1
-    return (point(frames_[i + 1], index).*axis - point(frames_[i], index).*axis) /
-           (frames_[i + 1].time - frames_[i].time);
-  };
-  const auto slope = [&](size_t i, double Vec3::*axis) {  // at key frame i; the trail comes to rest at its ends
-    if (i == 0 || i + 1 == frames_.size()) return 0.0;
-    return MonotoneSlope(secant(i - 1, axis), frames_[i].time - frames_[i - 1].time, secant(i, axis),
-                         frames_[i + 1].time - frames_[i].time);
-  };
-  const Vec3 &from = point(frames_[before], index), &to = point(frames_[before + 1], index);
-  const double span = frames_[before + 1].time - frames_[before].time;
-  const auto along = [&](double Vec3::*axis) {
-    return Hermite(from.*axis, to.*axis, slope(before, axis), slope(before + 1, axis), span, share);
-  };
-  return {along(&Vec3::x), along(&Vec3::y), along(&Vec3::z)};
-}
-
 TrailFrame EditTrail::At(double seconds) const {
   if (frames_.empty()) Throw<DataError>("trail: there is no key frame");
   const double time = frames_.front().time + std::clamp(seconds, 0.0, Duration());
@@ -76,11 +199,14 @@ TrailFrame EditTrail::At(double seconds) const {
   if (after == frames_.end()) return frames_.back();
   const auto before = static_cast<size_t>(after - frames_.begin() - 1);
   TrailFrame found = frames_[before];
-  const double share = (time - found.time) / (after->time - found.time);
+  if (time == found.time) return found;
+  const TrailCurve curve(frames_);
+  const double share = (time - found.time) / curve.Span(before);
   found.time = time;
-  for (size_t n = 0; n < found.key_points.size(); ++n) found.key_points[n] = CurveAt(before, share, KeyPointOf, n);
-  found.camera.position = CurveAt(before, share, PositionOf, 0);
-  found.camera.orientation = BetweenRotations(found.camera.orientation, after->camera.orientation, share);
+  for (size_t n = 0; n < found.key_points.size(); ++n) {
+    found.key_points[n] = curve.Between(before, share, [n](const TrailFrame& frame) { return frame.key_points[n]; });
+  }
+  curve.PlaceCamera(before, share, &found.camera);
   return found;
 }
 

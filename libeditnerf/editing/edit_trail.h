@@ -30,9 +30,11 @@ class EditTrail {
   const std::vector<TrailFrame>& frames() const { return frames_; }
   double Duration() const { return frames_.empty() ? 0 : frames_.back().time - frames_.front().time; }
 
-  // The trail `seconds` (clamped) after its first key frame, which must exist. Key points and camera positions follow a
-  // smooth curve that never overshoots a coordinate of the two key frames around it (monotone cubic, Fritsch and
-  // Carlson, 1980); orientations turn evenly between them; lens and row are those of the key frame before.
+  // The trail `seconds` (clamped) after its first key frame, which must exist. It begins and ends at rest, meets its
+  // key frames exactly and passes them without a jump of velocity. Key points follow a smooth curve that never
+  // overshoots a coordinate of the two key frames around it (monotone cubic, Fritsch and Carlson, 1980). Between
+  // cameras that look at the same point, that point keeps its place in the picture and the camera turns around it;
+  // other cameras go straight as they turn. Lens and row are those of the key frame before.
   TrailFrame At(double seconds) const;
 
   // round(Duration() * fps) + 1 frames, all with a camera in world units. `width` and `height` as in EditFile.
@@ -40,8 +42,6 @@ class EditTrail {
   EditFile ToEditFile(const Scene& scene, double fps, int64_t width = 0, int64_t height = 0) const;
 
  private:
-  Vec3 CurveAt(size_t before, double share, const Vec3& (*point)(const TrailFrame&, size_t), size_t index) const;
-
   std::vector<TrailFrame> frames_;
 };
 

@@ -1,5 +1,10 @@
 #include "libeditnerf/scene/scene_json.h"
 
+#include <algorithm>
+#include <cfloat>
+#include <cmath>
+#include <vector>
+
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/json_text.h"
 
@@ -29,6 +34,29 @@ Camera ToCamera(const json& value, const std::string& where) {
   return c;
 }
 
+// Four significant digits.
+double Rounded(float value) {
+  if (value == 0) return 0;
+  const double unit = std::pow(10, 3 - std::floor(std::log10(std::abs(value))));
+  return std::round(value * unit) / unit;
+}
+
+torch::Tensor PointsFromJson(const json& value, const std::string& where) {
+  if (!value.is_array()) Throw<DataError>("{}: 'points': expected a list, found {}", where, value.type_name());
+  std::vector<float> numbers;
+  for (const json& point : value) {
+    const bool good = point.is_array() && point.size() == 3 &&
+                      std::all_of(point.begin(), point.end(),
+                                  [](const json& x) { return x.is_number() && std::abs(x.get<double>()) <= FLT_MAX; });
+    if (!good) {
+      Throw<DataError>("{}: 'points': expected 3 finite numbers for each, found {}", where, point.dump().substr(0, 40));
+    }
+    for (const json& x : point) numbers.push_back(x.get<float>());
+  }
+  if (numbers.empty()) return {};
+  return torch::tensor(numbers, torch::kFloat32).view({-1, 3});
+}
+
 }  // namespace
 
 json CameraFields(const Camera& c) {
@@ -51,6 +79,21 @@ SceneTransform TransformFromJson(const json& value) {
   return {value.at("scale"), ToVec3(value.at("center")), value.at("near"), value.at("far")};
 }
 
+json PointsToJson(const torch::Tensor& points) {
+  json list = json::array();
+  if (!points.defined()) return list;
+  // Of no use to a picture, and JSON has no infinity.
+  constexpr double kTooFar = 1e30;
+  const torch::Tensor all = points.to(torch::kCPU, torch::kFloat32);
+  const torch::Tensor kept = all.index({(all.abs() < kTooFar).all(1)}).contiguous();
+  const int64_t count = std::min(kept.size(0), kMaxScenePoints);
+  for (int64_t i = 0; i < count; ++i) {
+    const float* p = kept.data_ptr<float>() + 3 * (i * kept.size(0) / count);
+    list.push_back({Rounded(p[0]), Rounded(p[1]), Rounded(p[2])});
+  }
+  return list;
+}
+
 std::string SceneToJson(const Scene& scene) {
   json frames = json::array();
   for (const SceneFrame& frame : scene.frames) {
@@ -65,6 +108,8 @@ std::string SceneToJson(const Scene& scene) {
   value["train"] = scene.train;
   value["val"] = scene.val;
   value["edit"] = scene.edit;
+  json points = PointsToJson(scene.points);
+  if (!points.empty()) value["points"] = std::move(points);
   return value.dump(-1, ' ', false, json::error_handler_t::replace);  // a folder's name may hold any bytes
 }
 
@@ -98,6 +143,7 @@ Scene SceneFromJson(const std::string& text, const std::string& where) {
     scene.train = split("train");
     scene.val = split("val");
     scene.edit = split("edit");
+    if (value.contains("points")) scene.points = PointsFromJson(value["points"], where);
     return scene;
   } catch (const json::exception& error) {
     Throw<DataError>("{}: not a scene description: {}", where, error.what());

@@ -30,7 +30,7 @@ namespace editnerf {
 namespace {
 
 constexpr size_t kMaxBody = 1 << 20;
-constexpr size_t kMaxOperations = 1000;
+constexpr size_t kMaxOperations = 1000, kMaxPairs = 1000;
 constexpr int64_t kMinWidth = 16, kMaxWidth = 1920;
 constexpr int kPreviewQuality = 80, kPictureQuality = 95;
 // A browser keeps up to six connections open, each of which holds a thread of the server that mostly waits.
@@ -71,6 +71,22 @@ double Fps(const std::string& text) {
   } catch (const std::logic_error&) {
     Throw<DataError>("fps: expected a number, found '{}'", text.substr(0, 20));
   }
+}
+
+// [[video frame, row of the training frames], ...]
+std::vector<FramePair> PairsOf(const Json& pairs) {
+  if (!pairs.is_array() || pairs.size() > kMaxPairs) {
+    Throw<DataError>("request: pairs: expected a list of at most {}", kMaxPairs);
+  }
+  std::vector<FramePair> found;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    const Json& pair = pairs[i];
+    if (!pair.is_array() || pair.size() != 2 || !pair[0].is_number_integer() || !pair[1].is_number_integer()) {
+      Throw<DataError>("request: pairs[{}]: expected a frame of the video and a row, two integers", i);
+    }
+    found.push_back({pair[0].get<int64_t>(), pair[1].get<int64_t>()});
+  }
+  return found;
 }
 
 }  // namespace
@@ -296,6 +312,7 @@ void EditorServer::Impl::AddMotionRoutes() {
     transfer.key_point = JsonInteger(body, "key_point", "request");
     transfer.reversed = body.value("reversed", false);
     transfer.axes = body.value("axes", 2);
+    if (body.contains("pairs")) transfer.pairs = PairsOf(body["pairs"]);
     const std::shared_ptr<EditorTab> tab = tabs.Of(name);
     {
       const std::lock_guard<std::mutex> lock(tab->mutex);

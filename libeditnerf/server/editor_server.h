@@ -13,7 +13,8 @@
 //   GET    api/video/file      the MP4
 //   POST   api/motion/video    ?tab, offset, size (of the whole), last (0 or 1): bytes of the video that is to drive a
 //                              key point; the last piece -> {"width", "height", "picture"}, its first frame
-//   POST   api/motion          {"tab", "u", "v", "key_point", "reversed", "axes"}: follows the point in the background
+//   POST   api/motion          {"tab", "u", "v", "key_point", "reversed", "axes", "pairs"}: follows the point in the
+//                              background; pairs: [[frame of the video, row of the training frames], ...]
 //   GET    api/motion          ?tab -> {"state", "done", "total", "message", "track", "path", "fps", "farthest"}
 //
 // Every request needs the token (server/request_guard.h): ?token= or the header X-Editor-Token. Mistakes are answered

@@ -54,8 +54,8 @@ bool RenderThread::Enqueue(std::shared_ptr<Item> item, std::deque<std::shared_pt
     const std::lock_guard<std::mutex> lock(mutex_);
     if (stop_) return false;
     queue->push_back(std::move(item));
+    wake_.notify_one();  // with the lock: the thread may run the item and be destroyed right after it is given back
   }
-  wake_.notify_one();
   return done.get();
 }
 

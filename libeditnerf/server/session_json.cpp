@@ -8,6 +8,7 @@
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/field/key_points.h"
 #include "libeditnerf/imaging/palette.h"
+#include "libeditnerf/scene/scene_json.h"
 
 namespace editnerf {
 namespace {
@@ -106,6 +107,7 @@ Json SceneToPageJson(const EditableScene& scene, const std::string& title) {
   return {{"title", title},
           {"frames", frames},
           {"training_frames", rows},
+          {"points", PointsToJson(scene.scene.points)},
           {"tracks", tracks},
           {"colors", colors},
           {"reach", reach},

@@ -9,7 +9,7 @@
 
 namespace editnerf {
 
-// What stays the same: cameras, trajectories, box, frames, colours.
+// What stays the same: cameras, sparse points, trajectories, box, frames, colours.
 Json SceneToPageJson(const EditableScene& scene, const std::string& title);
 
 // What changes: key points as the picture shows them, camera, frame, undo, trail.

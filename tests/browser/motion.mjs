@@ -23,6 +23,23 @@ export async function motion({ tab, options }) {
   await tab.until(() => !document.getElementById('motion-apply').disabled, null, 120);
   check((await tab.text('motion-says')).includes('Followed through'), 'a point of a video is followed');
   await tab.shot('motion');
+  const frames = Number(await page.getAttribute('#motion-frame', 'max'));
+  const pair = async (frame, row) => {
+    await page.fill('#motion-frame', String(frame));
+    await page.fill('#motion-row', String(row));
+    await page.click('#motion-pair');
+  };
+  await pair(0, 1);
+  check(!(await page.isDisabled('#motion-straight')), 'one pair says nothing yet');
+  await pair(frames, 2);
+  await tab.until(() => !document.getElementById('motion-apply').disabled, null, 120);
+  check(await page.isDisabled('#motion-straight'), 'two pairs take the place of the range');
+  check((await page.locator('#motion-pairs button').count()) === 2, 'pairs are listed');
+  await tab.shot('pairs');
+  await page.click('#motion-pairs button >> nth=1');
+  await page.click('#motion-pairs button');
+  await tab.until(() => !document.getElementById('motion-apply').disabled, null, 120);
+  check((await page.locator('#motion-pairs button').count()) === 0, 'pairs are removed');
   const before = await tab.text('points');
   await page.click('#motion-preview');
   await tab.until((was) => document.getElementById('points').textContent !== was, before);

@@ -1,5 +1,6 @@
 // What goes wrong around the page: files that vanish, servers that end and come back, addresses without the token.
 import { cpSync, readdirSync, rmSync, truncateSync, writeFileSync } from 'node:fs';
+import { createServer } from 'node:http';
 import { join } from 'node:path';
 import { check } from './desk.mjs';
 
@@ -24,9 +25,90 @@ async function badVideos(tab, server) {
   tab.problems.length = 0; // of requests that were refused, which browsers report as well
 }
 
+// What the server answers to an edit is said whatever its status, until it is closed or the next edit is carried out.
+async function refusals(tab) {
+  const { page } = tab;
+  const nudge = () => page.locator('.handle').first().press('ArrowRight');
+  for (const status of [400, 413, 500]) {
+    const error = `made up for status ${status}`;
+    await page.route('**/api/edit*', (route) => route.fulfill({ status, json: { error } }));
+    await nudge();
+    await tab.until((text) => document.getElementById('gone-says').textContent === text, error);
+    check((await tab.text('status')) !== 'not connected', `${status}: the page says what the server says`);
+    await tab.until(() => document.querySelector('#gone-close').getClientRects().length > 0);
+    await page.locator('#gone-close').press('Enter');
+    const focused = await page.evaluate(() => document.activeElement.id);
+    check((await page.isHidden('#gone')) && focused === 'help', 'which can be closed by keys, and the focus stays near');
+    await nudge();
+    await page.waitForSelector('#gone:not([hidden])');
+    await page.unroute('**/api/edit*');
+    await tab.still();
+    check(await page.isVisible('#gone'), 'a picture alone leaves it there');
+    await nudge();
+    await page.waitForSelector('#gone', { state: 'hidden' });
+    check(true, 'the next edit that is carried out clears it');
+  }
+  await tab.key('Shift+R');
+  await tab.still();
+  tab.problems.length = 0; // of requests that were refused, which browsers report as well
+}
+
+// A scene without key points has no weights to show.
+async function noKeyPoints(openTab) {
+  const { page } = await openTab();
+  await page.route('**/api/scene*', async (route) => {
+    const answer = await route.fetch();
+    await route.fulfill({ response: answer, json: { ...(await answer.json()), tracks: [], colors: [], reach: [] } });
+  });
+  await page.reload();
+  await page.waitForSelector('#no-points:not([hidden])');
+  await page.keyboard.press('w');
+  check(
+    (await page.isDisabled('#weights')) && !(await page.isChecked('#weights')),
+    'without key points weights cannot be shown',
+  );
+  await page.close();
+}
+
+// In a page: what it gets to read of the editor, and after an edit that it sends without asking to read the answer.
+const intrude = ([scene, edit, operations]) =>
+  Promise.all([
+    fetch(scene).then(
+      (answer) => answer.status,
+      () => 'refused',
+    ),
+    fetch(edit, { method: 'POST', mode: 'no-cors', body: JSON.stringify({ tab: 'intruder', operations }) }).catch(() => {}),
+  ]).then(([status]) => status);
+
+// Pages of another origin get no answer and change nothing, though they know the address and its token.
+async function intruders(tab, server, openTab) {
+  const { page } = await openTab();
+  const other = createServer((_, answer) => answer.setHeader('Content-Type', 'text/html').end('<p>another page</p>'));
+  await new Promise((listening) => other.listen(0, '127.0.0.1', listening));
+  const addressOf = (path) => server.url.replace('/?', `/${path}?`);
+  const wish = [addressOf('api/scene'), addressOf('api/edit'), [{ do: 'key_frame', time: 0 }]];
+  const hasTrail = async () => (await fetch(`${addressOf('api/trail')}&tab=intruder`)).ok;
+  const origin = `http://127.0.0.1:${other.address().port}`;
+  for (const [address, itsOrigin] of [
+    [origin, origin],
+    ['data:text/html,<p>another page</p>', 'null'],
+  ]) {
+    await page.goto(address);
+    const read = await page.evaluate(intrude, wish);
+    const { status } = await fetch(wish[0], { headers: { Origin: itsOrigin } });
+    check(read === 'refused' && status === 403, `a page of origin ${itsOrigin} gets to read nothing: ${status}`);
+    check(!(await hasTrail()), 'and its edit is not carried out');
+  }
+  check((await tab.page.evaluate(intrude, wish)) === 200 && (await hasTrail()), 'which the own page may do');
+  await page.close();
+  other.close();
+}
+
 export async function outages({ tab, server, openTab }) {
   const { page } = tab;
   await tab.still();
+  await refusals(tab);
+  await noKeyPoints(openTab);
   const kept = `${server.run}-kept`;
   cpSync(server.run, kept, { recursive: true });
   rmSync(server.run, { recursive: true });
@@ -48,6 +130,7 @@ export async function outages({ tab, server, openTab }) {
   check((await tab.text('points')) === placed, 'after a restart the page puts key points back, and says so');
   tab.problems.length = 0; // of requests that nobody answered
 
+  await intruders(tab, server, openTab);
   const stranger = await openTab();
   await stranger.page.goto(server.url.replace(/token=./, 'token='));
   check((await stranger.page.textContent('body')).includes('token is wrong'), 'without the token there is no page');

@@ -128,6 +128,18 @@ TEST_CASE("a video is brought in pieces, and its motion drives a key point") {
   REQUIRE(found["state"] == "done");
   CHECK(found["path"].size() == 6);
   CHECK(found["path"][5][0].get<double>() == Approx(0.1).margin(0.01));
+  // Its first frame is training frame 3, its last training frame 1.
+  const Json paired = motion(R"({"tab": "a", "u": 40, "v": 40, "key_point": 0, "pairs": [[0, 3], [5, 1]]})");
+  INFO(paired.dump());
+  REQUIRE(paired["state"] == "done");
+  CHECK(paired["path"][0][0].get<double>() == Approx(0.05).margin(1e-6));
+  CHECK(paired["path"][5][0].get<double>() == Approx(-0.05).margin(1e-6));
+  CHECK_THAT(motion(R"({"tab": "a", "u": 40, "v": 40, "key_point": 0, "pairs": [[0, 3], [5, 9]]})")["message"].dump(),
+             HasText("training frame 9: the run has 5"));
+  CHECK_THAT(ErrorOf(client.Post("/api/motion", R"({"tab": "a", "u": 4, "v": 4, "key_point": 0, "pairs": [[0]]})",
+                                 "application/json"),
+                     400),
+             HasText("pairs[0]: expected a frame of the video and a row"));
   CHECK(motion(R"({"tab": "a", "u": 500, "v": 40, "key_point": 0})")["message"] ==
         "video: the point 500,40 is not in the picture, which has 128 x 96 pixels");
   CHECK_THAT(
