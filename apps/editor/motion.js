@@ -155,7 +155,7 @@ class Motion {
   draw() {
     const { picture, preview, apply, pairing, frame } = this.part;
     preview.disabled = apply.disabled = !this.found;
-    pairing.hidden = !this.found;
+    pairing.hidden = !this.found && !this.pairs.length; // there while a new pair is followed: the focus is in it
     if (this.found) {
       frame.max = this.found.track.length - 1;
       this.part['frame-at'].textContent = `${Number(frame.value) + 1} / ${this.found.track.length}`;

@@ -195,6 +195,17 @@ inline Found Fused(HyperspaceField& field, RayRenderer& renderer, const RayBatch
           result->depth,          result->samples,    GradientsOf(field)};
 }
 
+// A ray that has as many samples as the setting has steps.
+inline Setting OneRay(int64_t samples, int64_t key_points) {
+  Setting setting;
+  setting.rays = 1;
+  setting.steps = samples;
+  setting.far = kFarInside;
+  setting.early_stop = 0;
+  setting.key_points = key_points;
+  return setting;
+}
+
 inline double RelativeDifference(const torch::Tensor& found, const torch::Tensor& expected) {
   return (found - expected).norm().item<double>() / std::max(expected.norm().item<double>(), 1e-9);
 }
