@@ -34,7 +34,7 @@ int64_t RayBundle::Fill(const FieldKernel& field, const BundledRays& rays, bool 
   num_samples_ = 0;
   for (;;) {
     while (active_.size() < most_active && num_samples_ < kFull && first < end) {
-      LocalView local;
+      GridView local;
       if (rays.local_grid != nullptr) {
         local = {rays.local_grid, field.KeyPoints(rays.state[first]), field.LocalFrames(rays.state[first])};
       }

@@ -47,7 +47,7 @@ PackedSamples MarchRays(const MarchedRays& rays, double near, double far, int64_
       turns = Floats(rays.turn, "turn");
     }
   }
-  const auto view_of = [&](int64_t ray) -> LocalView {
+  const auto view_of = [&](int64_t ray) -> GridView {
     if (local == nullptr) return {};
     return {&local_grid, anchors.data_ptr<float>() + 3 * ray,
             turns.defined() ? turns.data_ptr<float>() + 9 * ray : nullptr};

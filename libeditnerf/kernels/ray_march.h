@@ -1,6 +1,6 @@
-// Equal steps along rays through occupancy grids, on the CPU. A ray is clipped against the boxes first, and an empty
-// cell is left in one step; every sample that is kept, or lies near a wall, is looked up just as
-// OccupancyGrid::Occupied does it, so that the samples are those of the LibTorch way (MarchCandidates, PackSamples).
+// Equal steps along rays through occupancy grids, on the CPU. A ray is clipped against the boxes first; what is left of
+// it is looked up many samples at a time, rounded just as OccupancyGrid::Occupied does it, so that the samples are
+// those of the LibTorch way (MarchCandidates, PackSamples).
 #pragma once
 
 #include <ATen/core/Tensor.h>

@@ -8,6 +8,7 @@
 #include "libeditnerf/render/occupancy_grid.h"
 #include "libeditnerf/render/ray_marcher.h"
 #include "tests/catch.h"
+#include "tests/kernels/each_target.h"
 
 using namespace editnerf;
 
@@ -81,30 +82,34 @@ TEST_CASE("marching keeps the samples that looking up every candidate keeps") {
   const auto rays = RandomRays(400);
   auto turned = rays;
   turned.turn = std::get<0>(torch::linalg_qr(torch::randn({400, 3, 3})));
-  for (const int64_t resolution : {1, 7, 64}) {
-    for (const double share : {0.0, 0.02, 0.5, 1.0}) {
-      const RandomGrid whole(kBox, resolution, share), local(kLocalBox, resolution, share);
-      for (const int64_t steps : {1, 65, 300}) {
-        INFO(resolution << " cells, " << share << " occupied, " << steps << " steps");
-        CHECK(AgreesWithLookUps(rays, steps, whole, nullptr));
-        CHECK(AgreesWithLookUps(rays, steps, whole, &local));
-        CHECK(AgreesWithLookUps(turned, steps, whole, &local));
+  ForEachTarget([&] {
+    for (const int64_t resolution : {1, 7, 64}) {
+      for (const double share : {0.0, 0.02, 0.5, 1.0}) {
+        const RandomGrid whole(kBox, resolution, share), local(kLocalBox, resolution, share);
+        for (const int64_t steps : {1, 65, 300}) {
+          INFO(resolution << " cells, " << share << " occupied, " << steps << " steps");
+          CHECK(AgreesWithLookUps(rays, steps, whole, nullptr));
+          CHECK(AgreesWithLookUps(rays, steps, whole, &local));
+          CHECK(AgreesWithLookUps(turned, steps, whole, &local));
+        }
       }
     }
-  }
+  });
 }
 
 TEST_CASE("marching keeps the samples that looking up every candidate keeps for odd numbers of rays and steps") {
   torch::manual_seed(3);
   const RandomGrid whole(kBox, 7, 0.5), local(kLocalBox, 7, 0.5);
-  for (const int64_t count : {1, 7, 63, 65}) {
-    const auto rays = RandomRays(count);
-    for (const int64_t steps : {1, 7, 63, 65}) {
-      INFO(count << " rays, " << steps << " steps");
-      CHECK(AgreesWithLookUps(rays, steps, whole, nullptr));
-      CHECK(AgreesWithLookUps(rays, steps, whole, &local));
+  ForEachTarget([&] {
+    for (const int64_t count : {1, 7, 63, 65}) {
+      const auto rays = RandomRays(count);
+      for (const int64_t steps : {1, 7, 63, 65}) {
+        INFO(count << " rays, " << steps << " steps");
+        CHECK(AgreesWithLookUps(rays, steps, whole, nullptr));
+        CHECK(AgreesWithLookUps(rays, steps, whole, &local));
+      }
     }
-  }
+  });
 }
 
 TEST_CASE("marching starts on the lower faces of the box and ends before the upper ones") {
