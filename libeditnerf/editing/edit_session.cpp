@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <utility>
 
 #include "libeditnerf/base/error.h"
@@ -11,10 +12,11 @@
 namespace editnerf {
 namespace {
 
-constexpr size_t kMaxUndo = 200;
-constexpr double kDepthRoom = 4;      // beyond near and far
-constexpr double kMaxPixels = 1e5;    // beyond which a drag cannot be meant
-constexpr double kMaxPosition = 1e3;  // scene units; a scene is about one wide
+constexpr size_t kMaxUndo = 200;              // steps
+constexpr size_t kMaxUndoKeyFrames = 50'000;  // in all of them
+constexpr double kDepthRoom = 4;              // beyond near and far
+constexpr double kMaxPixels = 1e5;            // beyond which a drag cannot be meant
+constexpr double kMaxPosition = 1e3;          // scene units; a scene is about one wide
 
 // What the cameras agree on: the opposite of their y axes.
 Vec3 UpOf(const Scene& scene) {
@@ -78,12 +80,31 @@ int64_t EditSession::Row(int64_t row) const {
   return row;
 }
 
-void EditSession::Remember(int64_t gesture) {
-  if (gesture != 0 && gesture == last_gesture_) return;
-  last_gesture_ = gesture;
+// A change belongs to the last step that changed the same part, or to a later one, if that has its gesture.
+template <class Part>
+void EditSession::Remember(std::optional<Part> Step::*part, const Part& now, int64_t gesture) {
   redo_.clear();
-  undo_.push_back(state_);
-  if (undo_.size() > kMaxUndo) undo_.erase(undo_.begin());
+  for (auto step = undo_.rbegin(); gesture != 0 && step != undo_.rend(); ++step) {
+    if (step->gesture == gesture) {
+      if (!(*step.*part)) *step.*part = now;
+      return;
+    }
+    if (*step.*part) break;
+  }
+  Step& step = undo_.emplace_back();
+  step.gesture = gesture;
+  step.*part = now;
+  size_t key_frames = 0, kept = 0;  // of the newest steps, as many as there is room for
+  for (auto at = undo_.rbegin(); at != undo_.rend() && kept < kMaxUndo; ++at, ++kept) {
+    if (at->trail) key_frames += at->trail->frames().size();
+    if (key_frames > kMaxUndoKeyFrames && kept > 0) break;
+  }
+  undo_.erase(undo_.begin(), undo_.end() - static_cast<std::ptrdiff_t>(kept));
+}
+
+void EditSession::ChangeTrail(EditTrail changed, int64_t gesture) {
+  Remember(&Step::trail, trail_, gesture);
+  trail_ = std::move(changed);
 }
 
 double EditSession::DefaultDepth(size_t key_point, double u, double v) const {
@@ -107,7 +128,7 @@ void EditSession::MoveToPixel(int64_t key_point, double u, double v, int64_t ges
   if (!(std::abs(u) <= kMaxPixels && std::abs(v) <= kMaxPixels)) {
     Throw<DataError>("key point {}: expected a pixel position, found {}, {}", key_point, u, v);
   }
-  Remember(gesture);
+  RememberState(gesture);
   PlaceAt(n, u, v, DefaultDepth(n, u, v) * state_.depth_factors[n]);
 }
 
@@ -122,7 +143,7 @@ void EditSession::ScaleDepth(int64_t key_point, double factor, int64_t gesture) 
   Positive(factor, "depth factor");
   const Projected now = Project(orbit_.camera, state_.key_points[n]);
   if (!now.valid) Throw<DataError>("key point {}: it lies behind the camera, and so it has no depth", key_point);
-  Remember(gesture);
+  RememberState(gesture);
   PlaceAt(n, now.u, now.v, now.depth * factor);
   // What a drag would be at, had it ended here.
   const double depth = Project(orbit_.camera, state_.key_points[n]).depth;
@@ -137,7 +158,7 @@ void EditSession::SetPosition(int64_t key_point, const Vec3& position, int64_t g
                        value);
     }
   }
-  Remember(gesture);
+  RememberState(gesture);
   state_.key_points[n] = position;
   const Projected now = Project(orbit_.camera, position);
   state_.depth_factors[n] = now.valid ? now.depth / DefaultDepth(n, now.u, now.v) : 1;
@@ -145,7 +166,7 @@ void EditSession::SetPosition(int64_t key_point, const Vec3& position, int64_t g
 
 void EditSession::Reset(int64_t key_point, int64_t gesture) {
   const size_t n = Index(key_point);
-  Remember(gesture);
+  RememberState(gesture);
   state_.key_points[n] = scene_->tracks.Row(state_.row)[n];
   state_.depth_factors[n] = 1;
 }
@@ -154,25 +175,30 @@ void EditSession::ResetAll() { SnapTo(state_.row); }
 
 void EditSession::SnapTo(int64_t row, int64_t gesture) {
   Row(row);
-  Remember(gesture);
+  RememberState(gesture);
   state_.row = row;
   if (!state_.key_points.empty()) state_.key_points = scene_->tracks.Row(row);
   state_.depth_factors.assign(state_.key_points.size(), 1);
 }
 
+void EditSession::Retrace(std::vector<Step>* from, std::vector<Step>* to) {
+  Step step = std::move(from->back());
+  from->pop_back();
+  if (step.state) std::swap(*step.state, state_);
+  if (step.trail) std::swap(*step.trail, trail_);
+  to->push_back(std::move(step));
+  for (Step& closed : undo_) closed.gesture = 0;  // whatever is done next is a new step
+}
+
 bool EditSession::Undo() {
   if (undo_.empty()) return false;
-  redo_.push_back(std::exchange(state_, undo_.back()));
-  undo_.pop_back();
-  last_gesture_ = 0;
+  Retrace(&undo_, &redo_);
   return true;
 }
 
 bool EditSession::Redo() {
   if (redo_.empty()) return false;
-  undo_.push_back(std::exchange(state_, redo_.back()));
-  redo_.pop_back();
-  last_gesture_ = 0;
+  Retrace(&redo_, &undo_);
   return true;
 }
 
@@ -192,11 +218,37 @@ void EditSession::UseCaptureCamera(int64_t frame) {
   }
 }
 
-void EditSession::AddKeyFrame(double time) { trail_.Add({time, state_.key_points, orbit_.camera, state_.row}); }
+void EditSession::AddKeyFrame(double time, int64_t gesture) {
+  EditTrail changed = trail_;
+  changed.Add(Present(time));
+  ChangeTrail(std::move(changed), gesture);
+}
+
+void EditSession::ReplaceKeyFrame(int64_t index, int64_t gesture) {
+  EditTrail changed = trail_;
+  changed.Replace(index, Present(0));
+  ChangeTrail(std::move(changed), gesture);
+}
+
+void EditSession::MoveKeyFrame(int64_t index, double seconds, int64_t gesture) {
+  EditTrail changed = trail_;
+  changed.Move(index, seconds);
+  ChangeTrail(std::move(changed), gesture);
+}
+
+void EditSession::RemoveKeyFrame(int64_t index, int64_t gesture) {
+  EditTrail changed = trail_;
+  changed.Remove(index);
+  ChangeTrail(std::move(changed), gesture);
+}
+
+void EditSession::ClearTrail(int64_t gesture) {
+  if (!trail_.frames().empty()) ChangeTrail({}, gesture);
+}
 
 void EditSession::ShowTrail(double seconds, int64_t gesture) {
   const TrailFrame shown = trail_.At(Finite(seconds, "time"));
-  Remember(gesture);
+  RememberState(gesture);
   state_.key_points = shown.key_points;
   state_.depth_factors.assign(state_.key_points.size(), 1);
   state_.row = shown.row;

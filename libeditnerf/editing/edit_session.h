@@ -1,13 +1,15 @@
 // One person's edit of a run: where the key points are, from where they are seen, what can be undone, and the trail.
 //
 // No pictures are made here, and nothing of it is about the web. Key points are numbered from 0; pixels are those of
-// the camera's own image size; everything is in scene units. Methods that change key points take a gesture: calls in a
-// row with the same gesture other than 0 are undone in one step, such as all the moves of one drag. The camera is not
-// part of what is undone. Not thread-safe. All mistakes are DataErrors that say what was expected.
+// the camera's own image size; everything is in scene units. Methods that change key points or the trail take a
+// gesture: changes with the same gesture other than 0 are undone in one step, such as all the moves of one drag, or all
+// key frames of a recording with the drags of key points in between in steps of their own. The camera is not part of
+// what is undone. Not thread-safe. All mistakes are DataErrors that say what was expected.
 #pragma once
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -73,11 +75,14 @@ class EditSession {
   void Pan(double du, double dv) { orbit_.Pan(Finite(du, "pan"), Finite(dv, "pan")); }
   void Zoom(double factor) { orbit_.Zoom(Positive(factor, "zoom")); }
 
-  // The trail: the present state as a key frame at this time, in seconds; and key points, codes and camera of the trail
-  // at a time after its start.
-  void AddKeyFrame(double time);
+  // The trail: the present state as a key frame at this time, in seconds; key points, codes and camera of the trail at
+  // a time after its start; and what EditTrail can do with key frames, `index` numbered from 0.
+  void AddKeyFrame(double time, int64_t gesture = 0);
   void ShowTrail(double seconds, int64_t gesture = 0);
-  void ClearTrail() { trail_.Clear(); }
+  void ReplaceKeyFrame(int64_t index, int64_t gesture = 0);  // by the present state
+  void MoveKeyFrame(int64_t index, double seconds, int64_t gesture = 0);
+  void RemoveKeyFrame(int64_t index, int64_t gesture = 0);
+  void ClearTrail(int64_t gesture = 0);
 
   const EditableScene& scene() const { return *scene_; }
   const EditState& state() const { return state_; }
@@ -87,11 +92,23 @@ class EditSession {
   Handle HandleOf(int64_t key_point) const;
 
  private:
+  // What a gesture has changed, as it was before.
+  struct Step {
+    int64_t gesture = 0;
+    std::optional<EditState> state;
+    std::optional<EditTrail> trail;
+  };
+
   static double Finite(double value, const char* what);
   static double Positive(double value, const char* what);
   size_t Index(int64_t key_point) const;
   int64_t Row(int64_t row) const;
-  void Remember(int64_t gesture);
+  void RememberState(int64_t gesture) { Remember(&Step::state, state_, gesture); }
+  template <class Part>
+  void Remember(std::optional<Part> Step::*part, const Part& now, int64_t gesture);
+  void Retrace(std::vector<Step>* from, std::vector<Step>* to);
+  void ChangeTrail(EditTrail changed, int64_t gesture);
+  TrailFrame Present(double time) const { return {time, state_.key_points, orbit_.camera, state_.row}; }
   void PlaceAt(size_t key_point, double u, double v, double depth);
   double DefaultDepth(size_t key_point, double u, double v) const;
 
@@ -100,8 +117,7 @@ class EditSession {
   OrbitCamera orbit_;
   int64_t capture_camera_ = 0;
   EditTrail trail_;
-  std::vector<EditState> undo_, redo_;
-  int64_t last_gesture_ = 0;
+  std::vector<Step> undo_, redo_;
 };
 
 }  // namespace editnerf

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <optional>
 
 #include "libeditnerf/base/error.h"
@@ -189,6 +190,48 @@ void EditTrail::Add(const TrailFrame& frame) {
     if (frames_.size() >= kMaxFrames) Throw<DataError>("trail: it is full with {} key frames; clear it", kMaxFrames);
   }
   frames_.push_back(frame);
+}
+
+size_t EditTrail::Index(int64_t index) const {
+  const auto count = static_cast<int64_t>(frames_.size());
+  if (index < 0 || index >= count) {
+    Throw<DataError>("key frame {}: the trail has {}{}", index, count, count > 0 ? ", numbered from 0" : "");
+  }
+  return static_cast<size_t>(index);
+}
+
+void EditTrail::BeginAt(double time) {
+  if (frames_.empty()) return;
+  const double shift = time - frames_.front().time;
+  for (TrailFrame& frame : frames_) frame.time += shift;
+}
+
+void EditTrail::Replace(int64_t index, const TrailFrame& frame) {
+  TrailFrame& replaced = frames_[Index(index)];
+  const double time = replaced.time;
+  replaced = frame;
+  replaced.time = time;
+}
+
+void EditTrail::Move(int64_t index, double seconds) {
+  const size_t moved = Index(index);
+  if (!(seconds >= 0 && seconds <= kMaxSeconds)) {
+    Throw<DataError>("trail: expected a time of 0 to {} s, found {}", kMaxSeconds, seconds);
+  }
+  const double start = frames_.front().time, time = start + seconds;
+  for (size_t i = 0; i < frames_.size(); ++i) {
+    if (i != moved && frames_[i].time == time) Throw<DataError>("trail: there is a key frame at {} s already", seconds);
+  }
+  frames_[moved].time = time;
+  std::sort(frames_.begin(), frames_.end(), [](const TrailFrame& a, const TrailFrame& b) { return a.time < b.time; });
+  BeginAt(start);
+}
+
+void EditTrail::Remove(int64_t index) {
+  const size_t removed = Index(index);
+  const double start = frames_.front().time;
+  frames_.erase(frames_.begin() + static_cast<std::ptrdiff_t>(removed));
+  BeginAt(start);
 }
 
 TrailFrame EditTrail::At(double seconds) const {

@@ -27,6 +27,13 @@ class EditTrail {
   void Add(const TrailFrame& frame);
   void Clear() { frames_.clear(); }
 
+  // Of key frame `index`, numbered from 0: another state at its time; `seconds` after the first key frame, past others
+  // where need be; or gone. The trail begins at the same time as before. Each throws DataError for an index without a
+  // key frame; Move for a time before the first, beyond kMaxSeconds, or that of another key frame.
+  void Replace(int64_t index, const TrailFrame& frame);
+  void Move(int64_t index, double seconds);
+  void Remove(int64_t index);
+
   const std::vector<TrailFrame>& frames() const { return frames_; }
   double Duration() const { return frames_.empty() ? 0 : frames_.back().time - frames_.front().time; }
 
@@ -42,6 +49,9 @@ class EditTrail {
   EditFile ToEditFile(const Scene& scene, double fps, int64_t width = 0, int64_t height = 0) const;
 
  private:
+  size_t Index(int64_t index) const;
+  void BeginAt(double time);
+
   std::vector<TrailFrame> frames_;
 };
 

@@ -20,11 +20,12 @@
 #include "libeditnerf/imaging/encoded_image.h"
 #include "libeditnerf/pipeline/interactive_renderer.h"
 #include "libeditnerf/server/base64.h"
+#include "libeditnerf/server/connection_threads.h"
 #include "libeditnerf/server/editor_tabs.h"
 #include "libeditnerf/server/render_thread.h"
 #include "libeditnerf/server/request_guard.h"
 #include "libeditnerf/server/session_json.h"
-#include "libeditnerf/server/video_job.h"
+#include "libeditnerf/server/tab_videos.h"
 
 namespace editnerf {
 namespace {
@@ -33,8 +34,8 @@ constexpr size_t kMaxBody = 1 << 20;
 constexpr size_t kMaxOperations = 1000, kMaxPairs = 1000;
 constexpr int64_t kMinWidth = 16, kMaxWidth = 1920;
 constexpr int kPreviewQuality = 80, kPictureQuality = 95;
-// A browser keeps up to six connections open, each of which holds a thread of the server that mostly waits.
-constexpr size_t kConnections = 32;
+// Each may be a file that is open, of which systems often allow 1024.
+constexpr size_t kMaxConnections = 512;
 constexpr const char* kJson = "application/json";
 
 void Answer(const Json& json, httplib::Response* response, int status = 200) {
@@ -48,8 +49,29 @@ void AnswerError(const std::string& message, int status, httplib::Response* resp
 
 Json ParseBody(const httplib::Request& request) {
   Json json = ParseJson(request.body, "request");
-  if (!json.is_object()) Throw<DataError>("request: expected a JSON object");
+  if (!json.is_object()) Throw<DataError>("request: expected a JSON object, found {}", Brief(json));
   return json;
+}
+
+// Empty where it is missing, which is no tab's name.
+std::string TabName(const Json& body) {
+  const auto tab = body.find("tab");
+  if (tab == body.end()) return "";
+  if (!tab->is_string()) Throw<DataError>("request: tab: expected a name in quotes, found {}", Brief(*tab));
+  return tab->get<std::string>();
+}
+
+// False where it is missing.
+bool Flag(const Json& object, const char* name, const std::string& where) {
+  const auto flag = object.find(name);
+  if (flag == object.end()) return false;
+  if (!flag->is_boolean()) Throw<DataError>("{}: {}: expected true or false, found {}", where, name, Brief(*flag));
+  return flag->get<bool>();
+}
+
+// A list's length, or the value that is none, as a message shows it.
+std::string BriefList(const Json& value) {
+  return value.is_array() ? fmt::format("one of {}", value.size()) : Brief(value);
 }
 
 const char* StateName(VideoStatus::State state) {
@@ -66,25 +88,29 @@ int64_t WholeNumber(const httplib::Request& request, const char* name) {
 }
 
 double Fps(const std::string& text) {
+  if (text.empty()) return 24;
   try {
-    return text.empty() ? 24 : std::stod(text);
-  } catch (const std::logic_error&) {
-    Throw<DataError>("fps: expected a number, found '{}'", text.substr(0, 20));
+    size_t end = 0;
+    const double fps = std::stod(text, &end);
+    if (end == text.size()) return fps;
+  } catch (const std::logic_error&) {  // told below
   }
+  Throw<DataError>("fps: expected a number, found '{}'", text.substr(0, 20));
 }
 
 // [[video frame, row of the training frames], ...]
 std::vector<FramePair> PairsOf(const Json& pairs) {
   if (!pairs.is_array() || pairs.size() > kMaxPairs) {
-    Throw<DataError>("request: pairs: expected a list of at most {}", kMaxPairs);
+    Throw<DataError>("request: pairs: expected a list of at most {}, found {}", kMaxPairs, BriefList(pairs));
   }
   std::vector<FramePair> found;
   for (size_t i = 0; i < pairs.size(); ++i) {
     const Json& pair = pairs[i];
-    if (!pair.is_array() || pair.size() != 2 || !pair[0].is_number_integer() || !pair[1].is_number_integer()) {
-      Throw<DataError>("request: pairs[{}]: expected a frame of the video and a row, two integers", i);
+    const std::string where = fmt::format("request: pairs[{}]", i);
+    if (!pair.is_array() || pair.size() != 2) {
+      Throw<DataError>("{}: expected a frame of the video and a row, found {}", where, Brief(pair));
     }
-    found.push_back({pair[0].get<int64_t>(), pair[1].get<int64_t>()});
+    found.push_back({editnerf::WholeNumber(pair[0], where), editnerf::WholeNumber(pair[1], where)});
   }
   return found;
 }
@@ -97,7 +123,7 @@ struct EditorServer::Impl {
         scene(std::make_shared<const EditableScene>(MakeEditableScene(run))),
         tabs(scene),
         renderer(std::move(run)),
-        video(thread, renderer) {}
+        videos(thread, renderer) {}
 
   std::optional<std::string> Refuse(const httplib::Request& request) const;
   Json Picture(const Json& wish, EditorTab& tab, const std::string& name);
@@ -114,7 +140,7 @@ struct EditorServer::Impl {
   EditorTabs tabs;
   InteractiveRenderer renderer;
   RenderThread thread;
-  VideoJob video;
+  TabVideos videos;
   httplib::Server http;
   int port = 0;
 };
@@ -140,7 +166,7 @@ Json EditorServer::Impl::Picture(const Json& wish, EditorTab& tab, const std::st
                      request.width);
   }
   if (wish.contains("weights")) request.weights = JsonNumber(wish, "weights", "request: picture");
-  request.preview = wish.value("preview", false);
+  request.preview = Flag(wish, "preview", "request: picture");
   {
     const std::lock_guard<std::mutex> lock(tab.mutex);
     request.key_points = tab.session.state().key_points;
@@ -160,12 +186,13 @@ Json EditorServer::Impl::Picture(const Json& wish, EditorTab& tab, const std::st
 
 void EditorServer::Impl::Edit(const httplib::Request& request, httplib::Response* response) {
   const Json body = ParseBody(request);
-  const std::string name = body.value("tab", "");
+  const std::string name = TabName(body);
   const std::shared_ptr<EditorTab> tab = tabs.Of(name);
   if (body.contains("operations")) {
     const Json& operations = body["operations"];
     if (!operations.is_array() || operations.size() > kMaxOperations) {
-      Throw<DataError>("request: operations: expected a list of at most {}", kMaxOperations);
+      Throw<DataError>("request: operations: expected a list of at most {}, found {}", kMaxOperations,
+                       BriefList(operations));
     }
     const std::lock_guard<std::mutex> lock(tab->mutex);
     for (size_t i = 0; i < operations.size(); ++i) {
@@ -222,8 +249,9 @@ void EditorServer::Impl::AddGuards() {
       std::rethrow_exception(std::move(error));
     } catch (const DataError& mistake) {
       AnswerError(mistake.what(), 400, &response);
-    } catch (const Json::exception& mistake) {
-      AnswerError(std::string("request: ") + mistake.what(), 400, &response);
+    } catch (const Json::exception& mistake) {  // past all checks: its text is about the program, not the request
+      LogWarning("editor: {}", mistake.what());
+      AnswerError("request: a value has a type that was not expected", 400, &response);
     } catch (const Interrupted&) {
       AnswerError("the editor is being stopped", 503, &response);
     } catch (const std::exception& failure) {
@@ -264,34 +292,35 @@ void EditorServer::Impl::AddVideoRoutes() {
   http.Post("/api/video", [this](const httplib::Request& request, httplib::Response& response) {
     const Json body = ParseBody(request);
     const double fps = JsonNumber(body, "fps", "request");
-    const EditFile edit = TrailOf(body.value("tab", ""), fps, JsonInteger(body, "width", "request"));
-    if (video.Status().state == VideoStatus::State::kRunning) {
-      return AnswerError("a video is being rendered already; cancel it, or wait for it", 409, &response);
-    }
-    video.Start(edit);
+    const std::string tab = TabName(body);
+    const std::string why = videos.Start(tab, TrailOf(tab, fps, JsonInteger(body, "width", "request")));
+    if (!why.empty()) return AnswerError(why, 409, &response);
     Answer({{"state", "running"}}, &response);
   });
-  http.Get("/api/video", [this](const httplib::Request&, httplib::Response& response) {
-    const VideoStatus status = video.Status();
+  http.Get("/api/video", [this](const httplib::Request& request, httplib::Response& response) {
+    const auto video = videos.Of(request.get_param_value("tab"));
+    const VideoStatus status = video ? video->Status() : VideoStatus();
     Answer({{"state", StateName(status.state)},
             {"done", status.done},
             {"total", status.total},
             {"message", status.message}},
            &response);
   });
-  http.Delete("/api/video", [this](const httplib::Request&, httplib::Response& response) {
-    video.Cancel();
-    Answer({{"state", StateName(video.Status().state)}}, &response);
+  http.Delete("/api/video", [this](const httplib::Request& request, httplib::Response& response) {
+    const auto video = videos.Of(request.get_param_value("tab"));
+    if (video) video->Cancel();
+    Answer({{"state", StateName(video ? video->Status().state : VideoStatus::State::kNone)}}, &response);
   });
-  http.Get("/api/video/file", [this](const httplib::Request&, httplib::Response& response) {
-    if (video.Status().state != VideoStatus::State::kDone) {
+  http.Get("/api/video/file", [this](const httplib::Request& request, httplib::Response& response) {
+    const auto video = videos.Of(request.get_param_value("tab"));
+    if (!video || video->Status().state != VideoStatus::State::kDone) {
       return AnswerError("no video is ready", 409, &response);
     }
-    if (!std::filesystem::exists(video.path())) {
+    if (!std::filesystem::exists(video->path())) {
       return AnswerError("the video was deleted from the temporary folder; render it again", 410, &response);
     }
     response.set_header("Content-Disposition", "attachment; filename=\"edited.mp4\"");
-    response.set_content(ReadFile(video.path()), "video/mp4");
+    response.set_content(ReadFile(video->path()), "video/mp4");
   });
 }
 
@@ -307,11 +336,14 @@ void EditorServer::Impl::AddMotionRoutes() {
   });
   http.Post("/api/motion", [this](const httplib::Request& request, httplib::Response& response) {
     const Json body = ParseBody(request);
-    const std::string name = body.value("tab", "");
+    const std::string name = TabName(body);
     TransferOptions transfer;
     transfer.key_point = JsonInteger(body, "key_point", "request");
-    transfer.reversed = body.value("reversed", false);
-    transfer.axes = body.value("axes", 2);
+    transfer.reversed = Flag(body, "reversed", "request");
+    if (body.contains("axes")) transfer.axes = JsonInteger(body, "axes", "request");
+    if (transfer.axes != 1 && transfer.axes != 2) {
+      Throw<DataError>("request: axes: expected 1 or 2, found {}", transfer.axes);
+    }
     if (body.contains("pairs")) transfer.pairs = PairsOf(body["pairs"]);
     const std::shared_ptr<EditorTab> tab = tabs.Of(name);
     {
@@ -330,14 +362,16 @@ EditorServer::EditorServer(Run run, const EditorServerOptions& options)
     : impl_(std::make_unique<Impl>(std::move(run), options)) {
   if (options.token.empty()) Throw<ConfigError>("editor: expected a token, found none");
   httplib::Server& http = impl_->http;
-  http.new_task_queue = [] { return new httplib::ThreadPool(kConnections); };
+  http.new_task_queue = [] { return new ConnectionThreads(kMaxConnections); };
   http.set_payload_max_length(kMaxBody);
   http.set_keep_alive_max_count(1'000'000);
   http.set_tcp_nodelay(true);
   // The default would share a port that another program listens on, and get half of its requests.
-  http.set_socket_options([](socket_t socket) {
+  socket_t listening = INVALID_SOCKET;
+  http.set_socket_options([&listening](socket_t socket) {
     const int yes = 1;
     setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+    listening = socket;
   });
   impl_->AddGuards();
   impl_->AddRoutes();
@@ -350,6 +384,10 @@ EditorServer::EditorServer(Run run, const EditorServerOptions& options)
     Throw<ConfigError>("{}:{}: cannot listen here; is the port in use, or the address not this machine's?",
                        options.host, options.port);
   }
+  // The library lets five connections wait to be accepted; one more, as two tabs open them, begins again a second
+  // later.
+  ::listen(listening, SOMAXCONN);
+  http.set_socket_options([](socket_t) {});
 }
 
 EditorServer::~EditorServer() = default;
@@ -366,7 +404,7 @@ std::string EditorServer::Url() const {
 void EditorServer::Serve(const std::function<bool()>& stop) {
   std::thread listener([this] { impl_->http.listen_after_bind(); });
   while (!stop()) std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  impl_->video.Cancel();
+  if (const auto video = impl_->videos.Of("")) video->Cancel();
   // Told to stop before it runs, the server would not hear it.
   while (!impl_->http.is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   impl_->http.stop();

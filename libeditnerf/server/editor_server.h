@@ -7,10 +7,12 @@
 //                              "fresh"}; "picture" is null where none was asked for, or a newer request of the tab
 //                              overtook it; "fresh" is true in the first answer to a tab that the server did not know
 //   GET    api/trail           the tab's trail as an edit file (docs/edit-files.md); tab, fps
-//   POST   api/video           {"tab", "fps", "width"}: renders the trail in the background
-//   GET    api/video           {"state", "done", "total", "message"}
-//   DELETE api/video           cancels it
-//   GET    api/video/file      the MP4
+//   POST   api/video           {"tab", "fps", "width"}: renders the tab's trail in the background; 409 while another
+//                              video is being rendered
+//   GET    api/video           ?tab -> {"state", "done", "total", "message"} of the tab's video; here and below,
+//                              without a tab: of the one that was started last
+//   DELETE api/video           ?tab: cancels it
+//   GET    api/video/file      ?tab: the MP4
 //   POST   api/motion/video    ?tab, offset, size (of the whole), last (0 or 1): bytes of the video that is to drive a
 //                              key point; the last piece -> {"width", "height", "picture"}, its first frame
 //   POST   api/motion          {"tab", "u", "v", "key_point", "reversed", "axes", "pairs"}: follows the point in the

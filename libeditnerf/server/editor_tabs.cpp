@@ -14,7 +14,8 @@ constexpr size_t kMaxName = 64;
 
 std::shared_ptr<EditorTab> EditorTabs::Of(const std::string& name) {
   if (name.empty() || name.size() > kMaxName) {
-    Throw<DataError>("request: tab: expected a name of 1 to {} characters", kMaxName);
+    Throw<DataError>("request: tab: expected a name of 1 to {} characters, found {}", kMaxName,
+                     name.empty() ? "none" : fmt::format("one of {}", name.size()));
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   auto found = tabs_.find(name);

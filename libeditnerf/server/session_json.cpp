@@ -79,9 +79,12 @@ const std::map<std::string, Operation>& Operations() {
       {"orbit", [](A a, S s) { s.Orbit(a.Number("right"), a.Number("over")); }},
       {"pan", [](A a, S s) { s.Pan(a.Number("u"), a.Number("v")); }},
       {"zoom", [](A a, S s) { s.Zoom(a.Number("factor")); }},
-      {"key_frame", [](A a, S s) { s.AddKeyFrame(a.Number("time")); }},
+      {"key_frame", [](A a, S s) { s.AddKeyFrame(a.Number("time"), a.Gesture()); }},
       {"show_trail", [](A a, S s) { s.ShowTrail(a.Number("time"), a.Gesture()); }},
-      {"clear_trail", [](A, S s) { s.ClearTrail(); }},
+      {"replace_key_frame", [](A a, S s) { s.ReplaceKeyFrame(a.Integer("index"), a.Gesture()); }},
+      {"move_key_frame", [](A a, S s) { s.MoveKeyFrame(a.Integer("index"), a.Number("time"), a.Gesture()); }},
+      {"remove_key_frame", [](A a, S s) { s.RemoveKeyFrame(a.Integer("index"), a.Gesture()); }},
+      {"clear_trail", [](A a, S s) { s.ClearTrail(a.Gesture()); }},
   };
   return operations;
 }

@@ -28,8 +28,8 @@ class VideoJob {
   VideoJob(RenderThread& thread, InteractiveRenderer& renderer);
   ~VideoJob();
 
-  // Every frame of the edit names a code frame. Throws DataError while another video is being rendered; whatever goes
-  // wrong later is in the status.
+  // Every frame of the edit names a code frame. Throws DataError while it is rendering already; whatever goes wrong
+  // later is in the status.
   void Start(const EditFile& edit);
   void Cancel();  // returns at once; what was rendered so far is thrown away
 

@@ -73,6 +73,67 @@ TEST_CASE("one gesture is undone in one step, and redone exactly") {
   CHECK(Same(session.state().key_points[0], end));
 }
 
+TEST_CASE("what is done to the trail is undone as well, a recording in one step and the drags in it in theirs") {
+  EditSession session(FixtureEditableScene());
+  const Vec3 start = session.state().key_points[0];
+  const auto frames = [&] { return session.trail().frames().size(); };
+  for (int i = 0; i < 5; ++i) {
+    session.AddKeyFrame(i, 1);
+    session.MoveToPixel(0, 10 + i, 5, i < 3 ? 2 : 3);
+  }
+  const Vec3 end = session.state().key_points[0];
+  session.Undo();  // the second drag
+  session.Undo();
+  CHECK(Same(session.state().key_points[0], start));
+  CHECK(frames() == 5);
+  session.Undo();
+  CHECK(frames() == 0);
+  CHECK_FALSE(session.can_undo());
+  for (int i = 0; i < 3; ++i) session.Redo();
+  CHECK(frames() == 5);
+  CHECK(Same(session.state().key_points[0], end));
+
+  session.RemoveKeyFrame(4, 9);  // and shows another, in the same gesture
+  session.ShowTrail(0, 9);
+  CHECK(Same(session.state().key_points[0], start));
+  session.Undo();
+  CHECK(frames() == 5);
+  CHECK(Same(session.state().key_points[0], end));
+  session.MoveKeyFrame(4, 1.5);
+  session.ReplaceKeyFrame(2);
+  CHECK(Same(session.trail().frames()[2].key_points[0], end));
+  session.ClearTrail();
+  session.ClearTrail();  // of nothing there is nothing to undo
+  session.Undo();
+  CHECK(frames() == 5);
+  session.Undo();
+  session.Undo();
+  CHECK(session.trail().Duration() == 4);
+}
+
+TEST_CASE("mistakes with key frames leave the trail and what can be undone alone") {
+  EditSession session(FixtureEditableScene());
+  session.AddKeyFrame(1);
+  CHECK_THROWS_AS(session.AddKeyFrame(0.5), DataError);
+  CHECK_THROWS_AS(session.MoveKeyFrame(0, -1), DataError);
+  CHECK_THROWS_AS(session.RemoveKeyFrame(1), DataError);
+  CHECK_THROWS_AS(session.ReplaceKeyFrame(1), DataError);
+  CHECK(session.Undo());
+  CHECK_FALSE(session.can_undo());
+}
+
+TEST_CASE("of changes to long trails fewer are kept, and always the last") {
+  EditSession session(FixtureEditableScene());
+  for (size_t i = 0; i < EditTrail::kMaxFrames; ++i) session.AddKeyFrame(0.01 * static_cast<double>(i), 1);
+  for (int i = 0; i < 30; ++i) session.ReplaceKeyFrame(i);
+  int steps = 0;
+  while (session.Undo()) ++steps;
+  CHECK(steps == 10);
+  for (int i = 0; i < 300; ++i) session.Nudge(0, 0.1, 0);
+  for (steps = 0; session.Undo();) ++steps;
+  CHECK(steps == 200);
+}
+
 TEST_CASE("snapping takes key points and codes of a training frame, and resets go back to it") {
   EditSession session(FixtureEditableScene());
   session.SnapTo(4);

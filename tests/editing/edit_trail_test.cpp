@@ -106,6 +106,39 @@ TEST_CASE("a trail refuses to go back in time, and replaces a key frame at the s
   CHECK_THROWS_AS(trail.ToEditFile(FixtureScene(), 0), DataError);
 }
 
+TEST_CASE("key frames can be replaced, moved past others and removed, and the trail begins when it began") {
+  EditTrail trail;
+  for (const double time : {1.0, 2.0, 3.0}) trail.Add(Frame(time, 10 * time));
+  const auto holds = [&](const std::vector<std::pair<double, double>>& times_and_places) {
+    bool same = trail.frames().size() == times_and_places.size();
+    for (size_t i = 0; same && i < times_and_places.size(); ++i) {
+      same = trail.frames()[i].time == times_and_places[i].first &&
+             trail.frames()[i].key_points[0].x == times_and_places[i].second;
+    }
+    return same;
+  };
+  trail.Replace(1, Frame(9, 5));
+  CHECK(holds({{1, 10}, {2, 5}, {3, 30}}));
+  trail.Move(1, 2.5);
+  CHECK(holds({{1, 10}, {3, 30}, {3.5, 5}}));
+  trail.Move(0, 2.25);  // the second one is the first then, and begins at 1
+  CHECK(holds({{1, 30}, {1.25, 10}, {1.5, 5}}));
+  trail.Remove(0);
+  CHECK(holds({{1, 10}, {1.25, 5}}));
+  trail.Add(Frame(2, 7));
+  trail.Remove(1);
+  CHECK(holds({{1, 10}, {2, 7}}));
+
+  CHECK_THROWS_WITH(trail.Replace(2, Frame(0, 0)), "key frame 2: the trail has 2, numbered from 0");
+  CHECK_THROWS_WITH(trail.Remove(-1), "key frame -1: the trail has 2, numbered from 0");
+  CHECK_THROWS_WITH(trail.Move(0, 1), "trail: there is a key frame at 1 s already");
+  for (const double seconds : {-0.1, 300.1, std::nan("")}) CHECK_THROWS_AS(trail.Move(1, seconds), DataError);
+  CHECK(holds({{1, 10}, {2, 7}}));
+  trail.Remove(0);
+  trail.Remove(0);
+  CHECK_THROWS_WITH(trail.Remove(0), "key frame 0: the trail has 0");
+}
+
 TEST_CASE("the edit file of a trail is one that enf-render reads, with cameras in world units") {
   const Scene scene = FixtureScene();
   EditTrail trail;

@@ -95,6 +95,36 @@ TEST_CASE("a trail is handed out as an edit file and becomes a video, once at a 
   CHECK(state()["state"] == "cancelled");
 }
 
+TEST_CASE("a video is its tab's own: others neither see nor cancel it, and wait for their turn") {
+  Desk desk;
+  for (const char* tab : {"a", "b"}) {
+    desk.Edit({{{"do", "key_frame"}, {"time", 0}}, {{"do", "key_frame"}, {"time", 1}}}, tab);
+  }
+  auto client = desk.Client();
+  const auto start = [&](const char* wish) { return client.Post("/api/video", wish, "application/json"); };
+  const auto state = [&](const std::string& tab) {
+    return Json::parse(client.Get("/api/video?tab=" + tab)->body)["state"].get<std::string>();
+  };
+  REQUIRE(start(R"({"tab": "a", "fps": 120, "width": 640})")->status == 200);
+  CHECK(state("a") == "running");
+  CHECK(state("b") == "none");
+  CHECK_THAT(ErrorOf(start(R"({"tab": "b", "fps": 10, "width": 64})"), 409),
+             HasText("another tab is rendering a video; wait for it, or cancel it there"));
+  CHECK_THAT(ErrorOf(start(R"({"tab": "a", "fps": 10, "width": 64})"), 409), HasText("cancel it, or wait for it"));
+  CHECK(Json::parse(client.Delete("/api/video?tab=b")->body)["state"] == "none");
+  CHECK(state("a") == "running");
+  client.Delete("/api/video?tab=a");
+  const auto wait_for = [&](const std::string& tab) {
+    while (state(tab) == "running") std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    return state(tab);
+  };
+  CHECK(wait_for("a") == "cancelled");
+  REQUIRE(start(R"({"tab": "b", "fps": 10, "width": 64})")->status == 200);
+  CHECK(wait_for("b") == "done");
+  CHECK(client.Get("/api/video/file?tab=b")->body.substr(4, 4) == "ftyp");
+  CHECK_THAT(ErrorOf(client.Get("/api/video/file?tab=a"), 409), HasText("no video is ready"));
+}
+
 TEST_CASE("a video is brought in pieces, and its motion drives a key point") {
   Desk desk;
   const ScratchFolder folder;

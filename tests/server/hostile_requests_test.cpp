@@ -1,12 +1,18 @@
 // Requests that no page of the editor makes, and temporary files that vanish: clear messages, and the server goes on.
 #include <httplib.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "libeditnerf/server/temporary_folder.h"
 #include "tests/catch.h"
@@ -45,6 +51,32 @@ void DeleteEverythingIn(const fs::path& folder) {
 httplib::Result SendPiece(httplib::Client& client, const std::string& where, const std::string& bytes) {
   return client.Post("/api/motion/video?tab=a&" + where, bytes, "application/octet-stream");
 }
+
+// A connection over which half of a request was sent.
+class HalfSent {
+ public:
+  explicit HalfSent(int port) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
+    REQUIRE(socket_ >= 0);
+    sockaddr_in address = {};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<uint16_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    REQUIRE(::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0);
+    constexpr char kHalf[] = "GET /api/scene HTTP/1.1\r\nHost: local";
+    REQUIRE(::send(socket_, kHalf, sizeof kHalf - 1, 0) == static_cast<ssize_t>(sizeof kHalf - 1));
+  }
+  HalfSent(HalfSent&& other) noexcept : socket_(std::exchange(other.socket_, -1)) {}
+  bool IsOpen() const {
+    char byte = 0;
+    return ::recv(socket_, &byte, 1, MSG_DONTWAIT | MSG_PEEK) < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
+  }
+  ~HalfSent() {
+    if (socket_ >= 0) ::close(socket_);
+  }
+
+ private:
+  int socket_;
+};
 
 Json VideoWhenItEnds(httplib::Client& client) {
   for (;; std::this_thread::sleep_for(std::chrono::milliseconds(20))) {
@@ -87,6 +119,62 @@ TEST_CASE("bodies that are not what they say are refused") {
     }
   }
   CHECK(desk.Edit(Json::array())["picture"]["width"] == 32);
+}
+
+TEST_CASE("values of a wrong type and missing ones are refused by name") {
+  Desk desk;
+  auto client = desk.Client();
+  desk.Edit(Json::array());
+  const auto refused = [&](const char* path, const std::string& body) {
+    const std::string error = ErrorOf(client.Post(path, body, "application/json"), 400);
+    INFO(path << " " << body << ": " << error);
+    CHECK(error.find("json.exception") == std::string::npos);
+    return error;
+  };
+  CHECK_THAT(refused("/api/edit", "7"), HasText("request: expected a JSON object, found 7"));
+  CHECK_THAT(refused("/api/edit", R"({"tab": 5})"), HasText("tab: expected a name in quotes, found 5"));
+  CHECK_THAT(refused("/api/edit", R"({"operations": []})"),
+             HasText("tab: expected a name of 1 to 64 characters, found none"));
+  CHECK_THAT(refused("/api/edit", R"({"tab": "a", "operations": {}})"), HasText("operations: expected a list"));
+  CHECK_THAT(refused("/api/edit", R"({"tab": "a", "operations": [7]})"), HasText("operations[0]"));
+  CHECK_THAT(refused("/api/edit", R"({"tab": "a", "operations": [{"do": 7}]})"),
+             HasText("operations[0]: do: expected one of"));
+  CHECK_THAT(refused("/api/edit", R"({"tab": "a", "operations": [{"do": "place", "key_point": 0, "position": "x"}]})"),
+             HasText("position"));
+  CHECK_THAT(refused("/api/edit", R"({"tab": "a", "operations": [{"do": "snap", "row": 1.5}]})"), HasText("row"));
+  CHECK_THAT(refused("/api/edit", R"({"tab": "a", "operations": [{"do": "reset", "key_point": 0, "gesture": "x"}]})"),
+             HasText("gesture"));
+  CHECK_THAT(refused("/api/edit", R"({"tab": "a", "operations": [{"do": "remove_key_frame", "index": 0}]})"),
+             HasText("key frame 0: the trail has 0"));
+  CHECK_THAT(refused("/api/edit", R"({"tab": "a", "picture": 7})"), HasText("picture"));
+  CHECK_THAT(refused("/api/edit", R"({"tab": "a", "picture": {"width": 64, "preview": "yes"}})"),
+             HasText("preview: expected true or false, found \"yes\""));
+  CHECK_THAT(refused("/api/video", R"({"tab": "a", "fps": "x", "width": 64})"), HasText("fps"));
+  CHECK_THAT(refused("/api/video", R"({"tab": ["a"], "fps": 24, "width": 64})"),
+             HasText("tab: expected a name in quotes"));
+  CHECK_THAT(refused("/api/motion", R"({"tab": "a", "u": 1, "v": 1})"), HasText("key_point"));
+  CHECK_THAT(refused("/api/motion", R"({"tab": "a", "u": 1, "v": 1, "key_point": 0, "reversed": 3})"),
+             HasText("reversed: expected true or false, found 3"));
+  CHECK_THAT(refused("/api/motion", R"({"tab": "a", "u": 1, "v": 1, "key_point": 0, "axes": 7})"),
+             HasText("axes: expected 1 or 2, found 7"));
+  CHECK_THAT(refused("/api/motion", R"({"tab": "a", "u": 1, "v": 1, "key_point": 0, "pairs": [[1, "x"]]})"),
+             HasText("pairs[0]"));
+  CHECK_THAT(ErrorOf(client.Get("/api/trail?tab=a&fps=2x"), 400), HasText("fps: expected a number, found '2x'"));
+}
+
+// Others may open connections as well, without the token.
+TEST_CASE("dozens of requests that are never finished keep nobody waiting") {
+  Desk desk;
+  std::vector<HalfSent> connections;
+  for (int i = 0; i < 60; ++i) connections.emplace_back(desk.server().port());
+  auto client = desk.Client();
+  client.set_read_timeout(std::chrono::seconds(60));
+  const auto answer = client.Get("/api/scene");
+  REQUIRE(answer);
+  CHECK(answer->status == 200);
+  int open = 0;
+  for (const HalfSent& connection : connections) open += connection.IsOpen() ? 1 : 0;
+  CHECK(open > 30);  // it was not answered because these were given up
 }
 
 TEST_CASE("temporary folders that are deleted are made anew") {
