@@ -3,26 +3,24 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
 #include "libeditnerf/base/logging.h"
-#include "libeditnerf/base/progress.h"
 #include "libeditnerf/config/yaml.h"
-#include "libeditnerf/evaluation/depth_error.h"
 #include "libeditnerf/imaging/json_file.h"
 #include "libeditnerf/imaging/key_point_files.h"
 #include "libeditnerf/imaging/scene_folder.h"
 #include "libeditnerf/pipeline/component_trials.h"
 #include "libeditnerf/pipeline/key_point_merging.h"
-#include "libeditnerf/render/image_renderer.h"
+#include "libeditnerf/pipeline/stage_memory.h"
 #include "libeditnerf/scene/packed_scene.h"
 #include "libeditnerf/tracking/clip.h"
 #include "libeditnerf/tracking/detection_run.h"
 #include "libeditnerf/tracking/flow_cache.h"
 #include "libeditnerf/tracking/flow_choice.h"
 #include "libeditnerf/tracking/still_depth.h"
-#include "libeditnerf/training/memory_plan.h"
 #include "libeditnerf/training/trainer.h"
 #include "libeditnerf/training/warm_start.h"
 
@@ -31,13 +29,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Surface maps are marched in finer steps than pictures: the median depth is known to half a step only, and near the
-// camera a step of training is some percent of the depth.
-constexpr int64_t kFinerSurfaces = 3;
-constexpr double kLeastShareLeft = 0.5;    // of a stage's seconds, however long its trials took
-constexpr int64_t kMeasuredSurfaces = 16;  // frames whose depth is compared with the truth
+constexpr double kLeastShareLeft = 0.5;  // of a stage's seconds, however long its trials took
 
-bool HasCheckpoint(const fs::path& folder) { return fs::exists(folder / "checkpoint.safetensors"); }
+bool Resumes(const StageRequest& request) {
+  return request.resume && fs::exists(request.out / "checkpoint.safetensors");
+}
 
 std::vector<std::string> TrainingIds(const Scene& scene) {
   std::vector<std::string> ids;
@@ -84,6 +80,15 @@ LoadedRun Reopen(const Scene& scene, const StageRequest& request, FieldStage sta
   return loaded;
 }
 
+// The configuration of what will be trained, as far as no trial decides it.
+Config ConfigOf(const Scene& scene, const StageRequest& request, FieldStage stage) {
+  return Resumes(request) ? Reopen(scene, request, stage).run.config : request.config;
+}
+
+void Say(const StageMemory& memory) {
+  for (const std::string& line : ToText(memory)) LogInfo("{}", line);
+}
+
 void StartWarm(const StageRequest& request, Run* run) {
   if (request.pretrained.empty()) return LogInfo("no pretrained run is given: training starts without one");
   const Run pretrained = LoadRun(request.pretrained, request.device);
@@ -99,7 +104,7 @@ void StartWarm(const StageRequest& request, Run* run) {
 Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage, DetectedKeyPoints detected,
                const DepthTargets& depth) {
   LoadedRun loaded;
-  const bool resumed = request.resume && HasCheckpoint(request.out);
+  const bool resumed = Resumes(request);
   if (resumed) {
     loaded = Reopen(scene, request, stage);
     const int64_t own = loaded.run.field->num_key_points();
@@ -113,39 +118,31 @@ Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage
     if (stage == FieldStage::kTrain && request.config.train.warm_start) StartWarm(request, &loaded.run);
   }
   loaded.run.scene_path = fs::absolute(request.scene_folder).lexically_normal().string();
-  LogInfo("{}", ToText(PlanMemory(loaded.run, scene)));
   Trainer trainer(loaded.run, scene, std::move(detected.supervision), request.out);
   trainer.SetDepthTargets(depth);
   trainer.SetKnownPlaces(Joined(detected.still_depth, detected.part_depth));
-  if (resumed) trainer.Resume(loaded.extra);
+  if (resumed) trainer.Resume(std::exchange(loaded.extra, {}));
   trainer.Train();
   return trainer.run();
 }
 
-// What optical flow between the training images says of the static scene's depth.
 // A flow that detection can use too is kept in the run folder.
-DepthTargets StillDepthOf(const Scene& scene, const OpticalFlow& flow, const fs::path& run_folder) {
+FlowSequence FlowOf(const Scene& scene, const OpticalFlow& flow, const fs::path& run_folder) {
   const torch::Tensor images = scene.images.index_select(0, torch::tensor(scene.train, torch::kInt64));
-  const FlowSequence flows = flow.GainsFromGuess() ? ComputeFlowSequence(images, flow)
-                                                   : CachedFlowSequence(images, flow, FlowCachePath(run_folder));
+  return flow.GainsFromGuess() ? ComputeFlowSequence(images, flow)
+                               : CachedFlowSequence(images, flow, FlowCachePath(run_folder));
+}
+
+// What optical flow between the training images says of the static scene's depth.
+DepthTargets StillDepthOf(const Scene& scene, const OpticalFlow& flow, const fs::path& run_folder) {
   const torch::Tensor no_depth = torch::full({1}, std::numeric_limits<float>::quiet_NaN())
                                      .expand({static_cast<int64_t>(scene.train.size()), scene.height(), scene.width()});
-  const Clip clip = MakeClip(scene, no_depth, flows);
+  const Clip clip = MakeClip(scene, no_depth, FlowOf(scene, flow, run_folder));
   DepthTargets targets = TriangulateStillDepth(clip, scene.transform.near, scene.transform.far);
   LogInfo("static depth by {}: {} places known, {:.0f} in each frame", flow.Name(), targets.size(),
           static_cast<double>(targets.size()) / static_cast<double>(scene.train.size()));
   LogDepthTargetErrors(scene, targets);
   return targets;
-}
-
-torch::Tensor Enlarge(const torch::Tensor& map, int64_t height, int64_t width) {
-  const auto index = [](int64_t from, int64_t to) {
-    return ((torch::arange(to, torch::kFloat64) + 0.5) * static_cast<double>(from) / static_cast<double>(to))
-        .floor()
-        .to(torch::kInt64)
-        .clamp_max(from - 1);
-  };
-  return map.index_select(0, index(map.size(0), height)).index_select(1, index(map.size(1), width));
 }
 
 }  // namespace
@@ -165,80 +162,18 @@ void CheckSameScene(const Run& run, const Scene& scene) {
   }
 }
 
-namespace {
-
-// The surface that training frame number `row` sees, at a share `factor` of its size.
-RenderedImage RenderSurface(const Run& run, const Scene& scene, int64_t row, double factor) {
-  const auto reduced = [&](int64_t side) {
-    return std::max<int64_t>(1, std::llround(static_cast<double>(side) * factor));
-  };
-  const Camera& camera = scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(row)])].camera;
-  ImageOptions options;
-  options.tensor = torch::TensorOptions(torch::kFloat32).device(run.device);
-  options.exact = true;  // detection stands on it
-  options.depth_only = run.config.render.sampler == "occupancy";
-  options.march_steps = kFinerSurfaces * run.config.render.march_steps;
-  return RenderImage(*run.field, *run.renderer,
-                     factor < 1 ? camera.Resized(reduced(scene.width()), reduced(scene.height())) : camera,
-                     run.field->States(torch::tensor({row}, torch::kInt64).to(run.device)), options);
-}
-
-}  // namespace
-
-std::vector<DepthError> MeasureDepth(const Run& run, const Scene& scene) {
-  const torch::NoGradGuard no_grad;
-  run.field->eval();
-  const auto frames = static_cast<int64_t>(scene.train.size()), count = std::min(frames, kMeasuredSurfaces);
-  std::vector<torch::Tensor> depth;
-  std::vector<int64_t> rows;
-  for (int64_t i = 0; i < count; ++i) {
-    rows.push_back((2 * i + 1) * frames / (2 * count));
-    depth.push_back(RenderSurface(run, scene, rows.back(), 1).depth.to(torch::kCPU));
-  }
-  return MeasureDepthErrors(torch::stack(depth), scene, rows);
-}
-
-PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels) {
-  const torch::NoGradGuard no_grad;
-  const int64_t height = scene.height(), width = scene.width(), count = static_cast<int64_t>(scene.train.size());
-  const double pixels = static_cast<double>(height * width * count);
-  const double factor = std::min(1.0, std::sqrt(static_cast<double>(max_pixels) / pixels));
-  run.field->eval();
-  PretrainedMaps maps;
-  // Written in place: a list of all maps and their stack would take twice the memory, which long sequences do not have.
-  const auto store = [&](const torch::Tensor& map, int64_t t, torch::Tensor* all) {
-    const torch::Tensor enlarged = Enlarge(map.to(torch::kCPU), height, width);
-    if (!all->defined()) {
-      std::vector<int64_t> shape = enlarged.sizes().vec();
-      shape.insert(shape.begin(), count);
-      *all = torch::empty(shape, enlarged.options());
-    }
-    all->select(0, t).copy_(enlarged);
-  };
-  Progress bar("surfaces", static_cast<double>(count));
-  for (int64_t t = 0; t < count; ++t) {
-    const RenderedImage image = RenderSurface(run, scene, t, factor);
-    store(image.depth, t, &maps.depth);
-    store(image.ambient, t, &maps.ambient);
-    if (run.config.field.HasWarp()) store(image.x_canonical, t, &maps.x_canonical);
-    bar.Update(static_cast<double>(t + 1));
-  }
-  bar.Finish();
-  return maps;
-}
-
 void RunPretraining(const Scene& scene, const StageRequest& request) {
+  Say(PlanPretraining(ConfigOf(scene, request, FieldStage::kPretrain), scene, request.device));
   DepthTargets depth;
   if (request.config.pretrain.lambda_depth > 0) {
     depth = StillDepthOf(scene, *MakeOpticalFlow(request.config.flow), request.out);
   }
   StageRequest decided = request;
-  if (!request.resume || !HasCheckpoint(request.out)) {
+  if (!Resumes(request)) {
     Follow(DecideAmbient(scene, request, depth), FieldStage::kPretrain, &decided);
   }
   Run run = TrainStage(scene, decided, FieldStage::kPretrain, {}, depth);
-  const PretrainedMaps maps = RenderSurfaceMaps(run, scene);
-  WritePretrainedMaps(maps, scene, request.out);
+  WritePretrainedMaps(RenderSurfaceMaps(run, scene), scene, request.out);
   if (scene.truth) WriteDepthErrors(MeasureDepth(run, scene), request.out / "depth_error.json");
 }
 
@@ -251,60 +186,85 @@ void CheckTraining(const Config& config) {
   }
 }
 
-DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const fs::path& folder) {
-  const std::vector<std::string> ids = TrainingIds(scene);
+namespace {
+
+// Without what is large.
+DetectedKeyPoints ReadTracks(const Scene& scene, const fs::path& folder) {
+  const auto frames = static_cast<int64_t>(scene.train.size());
   DetectedKeyPoints detected;
   if (!HasKeyPointFiles(folder)) {
-    detected.tracks = torch::zeros({static_cast<int64_t>(ids.size()), 0, 3});
+    detected.tracks = torch::zeros({frames, 0, 3});
     return detected;
   }
   detected.tracks = ReadKeyPointFiles(folder).InSceneUnits().to(torch::kFloat32);
-  if (detected.tracks.size(0) != static_cast<int64_t>(ids.size())) {
+  if (detected.tracks.size(0) != frames) {
     Throw<DataError>("{}: data/k_points_auto.txt has {} rows, expected one for each of the {} training frames",
-                     folder.string(), detected.tracks.size(0), ids.size());
+                     folder.string(), detected.tracks.size(0), frames);
   }
+  detected.turns = ReadPartTurns(folder, frames, detected.tracks.size(1));
+  return detected;
+}
+
+// And what is.
+void ReadSupervision(const Scene& scene, const fs::path& folder, DetectedKeyPoints* detected) {
+  if (!HasKeyPointFiles(folder)) return;
+  const std::vector<std::string> ids = TrainingIds(scene);
   KeyPointSupervision supervision;
   supervision.depth = ReadMedianDepths(folder, ids);
   supervision.flow = ReadFlows(folder, ids);
-  const auto known = [&](const fs::path& path) {
-    if (!fs::exists(path)) return DepthTargets();
-    return ReadDepthTargets(path, detected.tracks.size(0), scene.height(), scene.width(), detected.tracks.size(1));
-  };
-  detected.still_depth = known(StillDepthPath(folder));
-  detected.part_depth = known(PartDepthPath(folder));
-  detected.turns = ReadPartTurns(folder, detected.tracks.size(0), detected.tracks.size(1));
   for (const torch::Tensor& map : {supervision.depth, supervision.flow}) {
     if (map.size(1) != scene.height() || map.size(2) != scene.width()) {
       Throw<DataError>("{}: depth and flow have {} x {} pixels, the images {} x {}; detect again at this image size",
                        folder.string(), map.size(2), map.size(1), scene.width(), scene.height());
     }
   }
-  detected.supervision = supervision;
+  detected->supervision = supervision;
+  const auto known = [&](const fs::path& path) {
+    if (!fs::exists(path)) return DepthTargets();
+    const torch::Tensor& tracks = detected->tracks;
+    return ReadDepthTargets(path, tracks.size(0), scene.height(), scene.width(), tracks.size(1));
+  };
+  detected->still_depth = known(StillDepthPath(folder));
+  detected->part_depth = known(PartDepthPath(folder));
+}
+
+void Train(const Scene& scene, const StageRequest& request, DetectedKeyPoints detected) {
+  DepthTargets depth;
+  if (request.config.train.lambda_depth > 0) depth = Joined(detected.still_depth, detected.part_depth);
+  TrainStage(scene, request, FieldStage::kTrain, std::move(detected), depth);
+}
+
+}  // namespace
+
+DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const fs::path& folder) {
+  DetectedKeyPoints detected = ReadTracks(scene, folder);
+  ReadSupervision(scene, folder, &detected);
   return detected;
 }
 
 void RunTraining(const Scene& scene, const StageRequest& request, const fs::path& detection_folder) {
   CheckTraining(request.config);
-  DetectedKeyPoints detected = ReadDetectedKeyPoints(scene, detection_folder);
+  DetectedKeyPoints detected = ReadTracks(scene, detection_folder);
+  Say(PlanTraining(ConfigOf(scene, request, FieldStage::kTrain), scene, request.device, detected, detection_folder));
+  ReadSupervision(scene, detection_folder, &detected);
   if (detected.tracks.size(1) == 0) {
     LogWarning("{}: no key points (data/k_points_auto.txt); training a static scene", detection_folder.string());
   }
   StageRequest decided = request;
-  if (request.resume && HasCheckpoint(request.out)) {
+  if (Resumes(request)) {
     detected = Merged(detected, ReadMerged(DecisionsPath(request.out), detected.tracks.size(1)));
   } else {
     const ComponentTrials trials = DecideComponents(scene, request, detected);
     detected = Merged(detected, trials.merged);
     Follow(trials, FieldStage::kTrain, &decided);
   }
-  RunTraining(scene, decided, std::move(detected));
+  Train(scene, decided, std::move(detected));
 }
 
 void RunTraining(const Scene& scene, const StageRequest& request, DetectedKeyPoints detected) {
   CheckTraining(request.config);
-  DepthTargets depth;
-  if (request.config.train.lambda_depth > 0) depth = Joined(detected.still_depth, detected.part_depth);
-  TrainStage(scene, request, FieldStage::kTrain, std::move(detected), depth);
+  Say(PlanTraining(ConfigOf(scene, request, FieldStage::kTrain), scene, request.device, detected));
+  Train(scene, request, std::move(detected));
 }
 
 }  // namespace editnerf

@@ -1,4 +1,5 @@
-// The stages of the whole way as functions: what the programs call, and what an embedding program can call too.
+// The stages of the whole way as functions: what the programs call, and what an embedding program can call too. Before
+// it computes anything, a stage logs what memory it will take (stage_memory.h).
 #pragma once
 
 #include <torch/types.h>
@@ -7,9 +8,8 @@
 #include <optional>
 
 #include "libeditnerf/config/config.h"
-#include "libeditnerf/evaluation/depth_error.h"
+#include "libeditnerf/pipeline/surface_maps.h"
 #include "libeditnerf/scene/scene.h"
-#include "libeditnerf/tracking/pretrained_maps.h"
 #include "libeditnerf/training/depth_targets.h"
 #include "libeditnerf/training/key_point_supervision.h"
 #include "libeditnerf/training/run.h"
@@ -43,14 +43,6 @@ void CheckTraining(const Config& config);
 // Components of the field that are left to `auto` are decided first (component_trials.h), within the stage's seconds,
 // and RUN/components.json says how.
 void RunTraining(const Scene& scene, const StageRequest& request, const std::filesystem::path& detection_folder);
-
-// How far the depth is off that the run sees in 16 training views, in their full size: the maps of all views are
-// smaller, and a pixel of theirs spans a piece of the floor. The scene needs ground truth.
-std::vector<DepthError> MeasureDepth(const Run& run, const Scene& scene);
-
-// Depth, ambient coordinates and canonical positions at the surface of every training view. At most
-// `max_pixels` are rendered in all: larger sequences at a fraction of their size, enlarged to the nearest pixel.
-PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels = 600'000);
 
 // What detection wrote: tracks [T, N, 3] in scene units (N = 0 where there are none), rotation vectors [T, N, 3] of the
 // parts that turn (undefined where none does) and the key points' supervision.

@@ -12,6 +12,8 @@
 namespace editnerf {
 namespace {
 
+constexpr int64_t kLeastNamed = (1 << 20) / 10;
+
 int64_t Bytes(const torch::Tensor& tensor) {
   return tensor.defined() ? tensor.numel() * static_cast<int64_t>(tensor.element_size()) : 0;
 }
@@ -66,33 +68,48 @@ int64_t MemoryPlan::Total() const {
   return total;
 }
 
+MemoryPlan PlanScene(const Scene& scene) {
+  MemoryPlan plan;
+  plan.parts.emplace_back("images", Bytes(scene.images));
+  if (scene.truth) plan.parts.emplace_back("ground truth", Bytes(scene.truth->depth) + Bytes(scene.truth->mask));
+  return plan;
+}
+
+MemoryPlan PlanField(const Run& run) {
+  const int64_t parameters = ParameterBytes(*run.field);
+  return {{{"field", parameters}, {"gradients", parameters}, {"occupancy", BufferBytes(*run.renderer)}}};
+}
+
 MemoryPlan PlanMemory(const Run& run, const Scene& scene) {
   const StageConfig& stage = run.stage == FieldStage::kPretrain ? run.config.pretrain : run.config.train;
   const int64_t parameters = ParameterBytes(*run.field);
-  MemoryPlan plan;
+  MemoryPlan plan = PlanScene(scene);
   // The trainer selects the training frames' images into a tensor of their own, and the held-out ones for a moment.
-  const int64_t image =
-      scene.images.defined() && scene.images.size(0) > 0 ? Bytes(scene.images) / scene.images.size(0) : 0;
-  plan.parts.emplace_back("images", Bytes(scene.images) + image * static_cast<int64_t>(scene.train.size()));
-  if (scene.truth) plan.parts.emplace_back("ground truth", Bytes(scene.truth->depth) + Bytes(scene.truth->mask));
-  plan.parts.emplace_back("field", parameters);
-  plan.parts.emplace_back("gradients", parameters);
+  const int64_t frames = scene.images.defined() ? scene.images.size(0) : 0;
+  if (frames > 0) plan.parts[0].second += Bytes(scene.images) / frames * static_cast<int64_t>(scene.train.size());
+  const MemoryPlan field = PlanField(run);
+  plan.parts.insert(plan.parts.end(), field.parts.begin(), field.parts.end());
   plan.parts.emplace_back("Adam", 2 * parameters);
   plan.parts.emplace_back("state to roll back to", 3 * parameters + BufferBytes(*run.renderer));
-  plan.parts.emplace_back("occupancy", BufferBytes(*run.renderer));
   plan.parts.emplace_back("samples of a step", SampleBytes(run, SamplesPerStep(run, stage)));
   return plan;
 }
 
-std::string ToText(const MemoryPlan& plan) {
-  const auto megabytes = [](int64_t bytes) { return 1e-6 * static_cast<double>(bytes); };
-  std::string text = fmt::format("memory: {:.1f} MB beside LibTorch", megabytes(plan.Total()));
+std::string SizesText(const MemoryPlan& plan) {
+  const auto mebibytes = [](int64_t bytes) {
+    const double size = static_cast<double>(bytes) / (1 << 20);
+    return size < 9.95 ? fmt::format("{:.1f}", size) : fmt::format("{:.0f}", size);
+  };
+  std::string text = mebibytes(plan.Total()) + " MiB";
   const char* before = ": ";
   for (const auto& [name, bytes] : plan.parts) {
-    text += fmt::format("{}{} {:.1f}", before, name, megabytes(bytes));
+    if (bytes < kLeastNamed) continue;
+    text += fmt::format("{}{} {}", before, name, mebibytes(bytes));
     before = ", ";
   }
   return text;
 }
+
+std::string ToText(const MemoryPlan& plan) { return "memory beside LibTorch: " + SizesText(plan); }
 
 }  // namespace editnerf

@@ -57,3 +57,10 @@ TEST_CASE("a memory plan grows with frames and with samples, each where it belon
   CHECK(large["images"] == few["images"]);
   CHECK(PlanOf("paper", 4)["samples of a step"] > int64_t{10} << 30);  // why the paper's batches need a cluster
 }
+
+TEST_CASE("a memory plan reads in MiB, without what is too little to see") {
+  const int64_t mebibyte = 1 << 20;
+  const MemoryPlan plan = {{{"images", 20 * mebibyte}, {"field", 5 * mebibyte / 2}, {"occupancy", 1000}}};
+  CHECK(SizesText(plan) == "23 MiB: images 20, field 2.5");
+  CHECK(ToText(plan) == "memory beside LibTorch: 23 MiB: images 20, field 2.5");
+}
