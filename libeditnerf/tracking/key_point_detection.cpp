@@ -67,10 +67,13 @@ void Store(const std::vector<const Candidate*>& kept, const Clip& clip, Detectio
 
 torch::Tensor CanonicalPoints(const Scene& scene, const PretrainedMaps& maps) {
   if (maps.x_canonical.defined()) return maps.x_canonical;
-  std::vector<torch::Tensor> points;
-  for (size_t t = 0; t < scene.train.size(); ++t)
-    points.push_back(SurfacePoints(scene.frames[At(scene.train[t])].camera, maps.depth[static_cast<int64_t>(t)]));
-  return torch::stack(points);
+  // Written in place: a list of all frames' points and their stack would take twice the memory.
+  const auto frames = static_cast<int64_t>(scene.train.size());
+  torch::Tensor points = torch::empty({frames, scene.height(), scene.width(), 3});
+  for (int64_t t = 0; t < frames; ++t) {
+    points[t].copy_(SurfacePoints(scene.frames[At(scene.train[At(t)])].camera, maps.depth[t]));
+  }
+  return points;
 }
 
 }  // namespace

@@ -26,11 +26,12 @@ constexpr int64_t kMostFrames = 40;   // that a track counts for
 constexpr double kSurround = 20;      // pixels at 320 wide within which a pixel must be surrounded by its part
 constexpr double kWidestGap = 2.6;    // radians without a neighbour
 constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track
-constexpr int kAlignments = 4, kAlignedIterations = 80;  // slow drift of all frames is what is solved for at last
-constexpr double kAlignedPixels = 0.4;                   // standard deviation at 320 wide
-constexpr double kTurnsCost = 1.3;     // times the mean miss, where turns are needless; 2 where they are not
-constexpr double kAlignedShape = 0.5;  // PartSolverOptions::shape, where the tracks tell it
-constexpr float kTolerance = 0.01F;    // share of the distance
+constexpr int kAlignments = 4, kSearches = 4,
+              kAlignedIterations = 80;  // slow drift of all frames is what is solved for at last
+constexpr double kAlignedPixels = 0.4;  // standard deviation at 320 wide
+constexpr double kTurnsCost = 1.3;      // times the mean miss, where turns are needless; 2 where they are not
+constexpr double kAlignedShape = 0.5;   // PartSolverOptions::shape, where the tracks tell it
+constexpr float kTolerance = 0.01F;     // share of the distance
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
 
@@ -150,6 +151,7 @@ RigidPart Aligned(const Clip& clip, const RigidPart& part, const DepthRange& ran
     LogDebug("moving parts: {} explains it as well, once aligned", hinged ? "a hinge" : "motion without turns");
     align(kAlignments);
   }
+  for (int search = 0; search < kSearches && fit.FindLost(); ++search) align(1);
   progress.Finish();
   return fit.Finished();
 }

@@ -2,9 +2,8 @@
 //
 // Chained flow drifts: by pixels over a hundred frames, slowly, and alike for all points that lie beside each other. A
 // part that is fitted to such tracks drifts with them, as nothing ties what is seen now to what was seen long ago. So
-// each point gets one patch, of one frame, and every other frame is aligned with that (Lucas and Kanade, 1981; the
-// template's gradient as by Baker and Matthews, IJCV 2004): errors then do not add up. How the patch has turned and
-// shrunk since follows from the cameras and the part's pose.
+// each point gets one patch (point_patch.h), of one frame, and every other frame is aligned with that: errors then do
+// not add up. How the patch has turned and shrunk since follows from the cameras and the part's pose.
 #pragma once
 
 #include <vector>

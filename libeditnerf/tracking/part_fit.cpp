@@ -8,6 +8,7 @@
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/tracking/even_choice.h"
+#include "libeditnerf/tracking/hinge_search.h"
 #include "libeditnerf/tracking/part_alignment.h"
 #include "libeditnerf/tracking/part_hinge.h"
 #include "libeditnerf/tracking/part_reversal.h"
@@ -362,6 +363,12 @@ bool PartFit::Align(std::vector<FlowTrack>* tracks) {
   return false;
 }
 
+bool PartFit::FindLost() {
+  if (!part_.hinged || FindLostAngles(clip_, tracks_, &part_) == 0) return false;
+  UpdatePlacements();
+  return true;
+}
+
 RigidPart PartFit::Finished() const {
   RigidPart part = part_;
   part.observations = Observations();
@@ -372,6 +379,7 @@ RigidPart PartFit::Finished() const {
                                           [t](int64_t a, int64_t b) { return std::abs(a - t) < std::abs(b - t); });
     part.pose[At(t)] = part_.pose[At(*nearest)];
   }
+  if (part.hinged) FillAngles(&part);
   return part;
 }
 

@@ -51,6 +51,10 @@ class PartFit {
   // Puts the part on a hinge where the tracks are explained about as well so, and says whether it did.
   bool PutOnHinge();
 
+  // Of a part on a hinge: looks for it in the frames that do not look like it (hinge_search.h), and says whether it was
+  // found in any.
+  bool FindLost();
+
   // Moves the part to the distance at which it rests, or else has the shortest way to go (part_scale.h).
   void Settle();
 
@@ -71,7 +75,7 @@ class PartFit {
   int64_t Observations() const;  // pixels that follow
   const RigidPart& part() const { return part_; }
 
-  // The part, with the poses of unknown frames taken from the nearest known one.
+  // The part, with the poses of unknown frames taken from the nearest known one, or, on a hinge, from both sides.
   RigidPart Finished() const;
 
  private:

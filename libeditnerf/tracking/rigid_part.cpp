@@ -25,6 +25,24 @@ Vec3 RigidPart::TakeBack(int64_t t, const Vec3& point) const {
   return {turned[0] + center.x, turned[1] + center.y, turned[2] + center.z};
 }
 
+RigidPart ReferredTo(const RigidPart& part, int64_t frame) {
+  RigidPart referred = part;
+  referred.reference = frame;
+  referred.center = part.Place(frame, part.center);
+  for (PartPoint& point : referred.points) point.position = ToArray(part.Place(frame, ToVec3(point.position)));
+  const auto& first = part.pose[static_cast<size_t>(frame)].rotation;
+  const double back[3] = {-first[0], -first[1], -first[2]};
+  double undo[4], turn[4], both[4];
+  ceres::AngleAxisToQuaternion(back, undo);
+  for (size_t t = 0; t < part.pose.size(); ++t) {
+    ceres::AngleAxisToQuaternion(part.pose[t].rotation.data(), turn);
+    ceres::QuaternionProduct(turn, undo, both);
+    ceres::QuaternionToAngleAxis(both, referred.pose[t].rotation.data());
+    referred.pose[t].translation = ToArray(part.Place(static_cast<int64_t>(t), part.center) - referred.center);
+  }
+  return referred;
+}
+
 std::vector<Vec3> TurnsOf(const RigidPart& part) {
   std::vector<Vec3> turns;
   for (const RigidPose& pose : part.pose) turns.push_back(ToVec3(pose.rotation));

@@ -41,6 +41,9 @@ struct RigidPart {
 inline Vec3 ToVec3(const std::array<double, 3>& p) { return {p[0], p[1], p[2]}; }
 inline std::array<double, 3> ToArray(const Vec3& p) { return {p.x, p.y, p.z}; }
 
+// The same part and the same way, with another frame as its reference.
+RigidPart ReferredTo(const RigidPart& part, int64_t frame);
+
 // Rotation vectors [T, 3] of the part's axes, from those in the reference frame.
 std::vector<Vec3> TurnsOf(const RigidPart& part);
 

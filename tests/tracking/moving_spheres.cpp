@@ -64,6 +64,7 @@ Hit Trace(const std::vector<Sphere>& spheres, int64_t t, const Vec3& origin, con
     const double distance = -b - std::sqrt(b * b - c);
     if (distance <= 0 || distance >= hit.distance) continue;
     hit = {distance, static_cast<int64_t>(i), origin + direction * distance - center};
+    if (spheres[i].turn) hit.local = spheres[i].turn(t).Transposed() * hit.local;
   }
   return hit;
 }

@@ -14,7 +14,8 @@ namespace editnerf {
 
 struct Sphere {
   double radius = 0.2;
-  std::function<Vec3(int64_t)> center;  // scene units; floor at z = 0, camera towards +y and down
+  std::function<Vec3(int64_t)> center;     // scene units; floor at z = 0, camera towards +y and down
+  std::function<Mat3(int64_t)> turn = {};  // from its own axes to the scene's; none where it is empty
 };
 
 struct ClipOptions {

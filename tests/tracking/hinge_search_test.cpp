@@ -1,0 +1,129 @@
+// A sphere on an arm that swings around an upright axis, and a part that knows it but for some frames.
+#include "libeditnerf/tracking/hinge_search.h"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "libeditnerf/editing/orbit_camera.h"
+#include "tests/catch.h"
+#include "tests/tracking/moving_spheres.h"
+
+using namespace editnerf;
+
+namespace {
+
+constexpr int64_t kFrames = 40;
+constexpr double kRadius = 0.25, kArm = 0.3;
+constexpr int64_t kReach = 6;  // frames before and after the middle of a track
+
+double Angle(int64_t t) {  // rests, swings, and rests
+  return 0.9 * std::clamp((static_cast<double>(t) - 10) / 20, 0.0, 1.0);
+}
+Mat3 Turn(int64_t t) { return RotationAround({0, 0, 1}, Angle(t)); }
+
+struct SwingingPart {
+  Sphere sphere = {kRadius, [](int64_t t) { return Turn(t) * Vec3{kArm, 0, 0} + Vec3{-0.1, 0, 0.35}; }, Turn};
+  Clip clip;
+  std::vector<FlowTrack> tracks;
+  RigidPart part;
+
+  SwingingPart() {
+    const ClipOptions options = {kFrames, 320, 240, 0.6, 0, 0};
+    const MovingSpheres rendered = RenderMovingSpheres({sphere}, options);
+    clip.width = 320, clip.height = 240;
+    for (int64_t t = 0; t < kFrames; ++t) {
+      clip.cameras.push_back(rendered.scene.frames[static_cast<size_t>(t)].camera);
+      clip.gray.push_back(rendered.scene.images[t].to(torch::kFloat32).mean(2).contiguous());
+      clip.depth.push_back(rendered.maps.depth[t]);
+    }
+    part.center = sphere.center(0);
+    part.turns = part.hinged = true;
+    for (int64_t t = 0; t < kFrames; ++t) {
+      part.pose.push_back({{0, 0, Angle(t)}, ToArray(sphere.center(t) - sphere.center(0))});
+      part.seen.push_back(true);
+    }
+    for (int i = -5; i <= 5; ++i) {
+      for (int j = -5; j <= 5; ++j) AddPoint(Normalized({0.16 * i, 0.16 * j - 0.3, 1}));
+    }
+  }
+
+  void AddPoint(const Vec3& normal) {
+    const int64_t middle = 8 + static_cast<int64_t>(5 * tracks.size() % 24);
+    FlowTrack track = {middle - kReach, middle, {}};
+    for (int64_t t = middle - kReach; t <= middle + kReach; ++t) {
+      const Projected at = Project(clip.cameras[static_cast<size_t>(t)], sphere.center(t) + Turn(t) * normal * kRadius);
+      track.pixel.push_back({at.u, at.v});
+    }
+    part.points.push_back({{tracks.size()}, ToArray(sphere.center(0) + normal * kRadius)});
+    tracks.push_back(track);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("a part on a hinge is found by its looks in frames that had it elsewhere", "[hinge]") {
+  const SwingingPart truth;
+  RigidPart part = truth.part;
+  for (const size_t t : {3, 4, 20}) part.pose[t] = part.pose[t == 20 ? 0 : 35];
+  CHECK(FindLostAngles(truth.clip, truth.tracks, &part) == 3);
+  for (size_t t = 0; t < part.pose.size(); ++t) {
+    INFO("frame " << t);
+    CHECK(part.seen[t]);
+    const bool was_right = t != 3 && t != 4 && t != 20;
+    CHECK(Norm(ToVec3(part.pose[t].rotation) - ToVec3(truth.part.pose[t].rotation)) <= (was_right ? 0 : 0.03));
+    CHECK(Norm(ToVec3(part.pose[t].translation) - ToVec3(truth.part.pose[t].translation)) <= (was_right ? 0 : 0.01));
+  }
+}
+
+TEST_CASE("a part keeps its way with another reference frame, also where its own was the wrong one", "[hinge]") {
+  const SwingingPart truth;
+  const RigidPart referred = ReferredTo(truth.part, 25);
+  CHECK(referred.reference == 25);
+  CHECK(Norm(ToVec3(referred.pose[25].rotation)) < 1e-12);
+  const auto is_there = [&](const RigidPart& part, int64_t t) {
+    bool same = true;
+    for (size_t i = 0; i < part.points.size(); ++i) {
+      const Vec3 there = part.Place(t, ToVec3(part.points[i].position));
+      same = same && Norm(there - truth.part.Place(t, ToVec3(truth.part.points[i].position))) < 0.012;
+    }
+    return same;
+  };
+  for (int64_t t = 0; t < kFrames; ++t) CHECK(is_there(referred, t));
+  RigidPart part = ReferredTo(truth.part, 3);
+  part.pose[3] = part.pose[35];
+  part = ReferredTo(part, 3);  // all other frames are wrong beside frame 3, which is where frame 35 has it
+  CHECK(FindLostAngles(truth.clip, truth.tracks, &part) == 1);
+  CHECK(part.reference != 3);
+  for (int64_t t = 0; t < kFrames; ++t) CHECK(is_there(part, t));
+}
+
+TEST_CASE("a part on a hinge is where it was found where nothing tells better", "[hinge]") {
+  const SwingingPart truth;
+  RigidPart part = truth.part;
+  CHECK(FindLostAngles(truth.clip, truth.tracks, &part) == 0);
+  CHECK(part.seen == truth.part.seen);
+  SwingingPart covered;
+  for (const size_t t : {3, 20}) {  // nothing to be seen there
+    covered.clip.gray[t] = torch::zeros_like(covered.clip.gray[t]);
+    covered.part.pose[t] = covered.part.pose[35];
+  }
+  CHECK(FindLostAngles(covered.clip, covered.tracks, &covered.part) == 0);
+  for (size_t t = 0; t < covered.part.seen.size(); ++t) CHECK(covered.part.seen[t] == (t != 3 && t != 20));
+}
+
+TEST_CASE("where a part on a hinge is not seen it turns steadily from one side to the other", "[hinge]") {
+  RigidPart part = SwingingPart().part;
+  const std::vector<RigidPose> before = part.pose;
+  for (const size_t t : {0, 18, 19, 20}) {
+    part.pose[t] = {};
+    part.seen[t] = false;
+  }
+  FillAngles(&part);
+  for (size_t t = 0; t < part.pose.size(); ++t) {
+    INFO("frame " << t);
+    CHECK(part.pose[t].rotation[2] == Approx(before[t].rotation[2]).margin(1e-6));
+    CHECK(Norm(ToVec3(part.pose[t].translation) - ToVec3(before[t].translation)) < 1e-4);
+  }
+}
