@@ -11,6 +11,12 @@ function keepFocus(ids, change) {
   if (ids.includes(before?.id) && !usable(before)) ids.map(element).find(usable)?.focus();
 }
 
+// Text of an output that is as wide as the longest one that it will get, so that what is beside it stays where it is.
+function write(output, text, longest = text) {
+  output.textContent = text;
+  output.dataset.longest = longest;
+}
+
 // For measuring: tests/browser. Browsers keep every entry until it is cleared.
 const MOST_MEASURES = 2000;
 let measured = 0;
@@ -52,6 +58,8 @@ const link = new Link({
   async answer(state, picture, moved, fresh) {
     const first = !editor.state;
     if (fresh && !first) return restore();
+    // What was done to the trail since this was asked for is on its way, and the page knows what will come of it.
+    if (link.pending.some(({ do: what }) => /^(move|remove)_key_frame$/.test(what))) state.trail = editor.state.trail;
     editor.state = state;
     if (picture) {
       await stage.show(picture);
@@ -68,6 +76,12 @@ const link = new Link({
     if (first) stage.layOut();
     requestAnimationFrame(() => stage.draw()); // the next request goes first
     drawSoon(picture?.preview && !first);
+  },
+  // The picture is, or is not yet, that of the state.
+  waits: () => element('picture').setAttribute('aria-busy', true),
+  rests() {
+    drawSoon.now();
+    element('picture').setAttribute('aria-busy', false);
   },
   mistake(message) {
     editor.say((this.said = message));
@@ -111,12 +125,14 @@ function restore() {
 function drawSoon(busy) {
   clearTimeout(drawSoon.timer);
   const wait = busy ? Math.max(0, drawSoon.last + 200 - performance.now()) : 0;
-  drawSoon.timer = setTimeout(() => {
-    drawSoon.last = performance.now();
-    draw();
-  }, wait);
+  drawSoon.timer = setTimeout(drawSoon.now, wait);
 }
 drawSoon.last = 0;
+drawSoon.now = () => {
+  clearTimeout(drawSoon.timer);
+  drawSoon.last = performance.now();
+  draw();
+};
 
 function draw() {
   const { state, scene } = editor;
@@ -125,7 +141,8 @@ function draw() {
     element('redo').disabled = !state.can_redo;
   });
   element('motion').value = state.row;
-  element('motion-at').textContent = `${state.row + 1} / ${scene.training_frames.length}`;
+  const { length } = scene.training_frames;
+  write(element('motion-at'), `${state.row + 1} / ${length}`, `${length} / ${length}`);
   element('capture').value = state.capture_camera;
   stage.draw();
   overview.draw();
@@ -264,8 +281,12 @@ const resetSelected = () => {
   editor.send([...editor.selected].map((n) => ({ do: 'reset', key_point: n, gesture })));
 };
 const toggle = (id) => element(id).click();
-const undo = () => editor.send([{ do: 'undo' }]);
-const redo = () => editor.send([{ do: 'redo' }]);
+const retrace = (which) => {
+  trail.keepChoice();
+  editor.send([{ do: which }]);
+};
+const undo = () => retrace('undo');
+const redo = () => retrace('redo');
 const resetAll = () => editor.send([{ do: 'reset_all' }]);
 const resetCamera = () => editor.send([{ do: 'reset_camera' }]);
 const nextCamera = (step) => {
@@ -310,13 +331,13 @@ function wire() {
     editor.send([{ do: 'snap', row: Number(element('motion').value), gesture: editor.gesture('motion') }]),
   );
   addEventListener('keydown', (event) => {
-    const typing = event.target.closest('select, input[type="range"], dialog');
+    const typing = event.target.closest('select, input[type="range"]:not(#trail-time), input[type="number"], dialog');
     const key = event.key.toLowerCase();
     if (event.ctrlKey || event.metaKey) {
       if (key === 'z') (event.shiftKey ? redo : undo)();
       else if (key === 'y') redo();
       else return;
-    } else if (typing || event.altKey) {
+    } else if (typing || event.altKey || event.defaultPrevented) {
       return;
     } else if (key === 'r') {
       (event.shiftKey ? resetAll : resetSelected)();
@@ -327,7 +348,13 @@ function wire() {
         w: () => toggle('weights'),
         t: () => toggle('tracks'),
         c: resetCamera,
-        k: () => trail.addKeyFrame(),
+        k: () => (event.shiftKey ? trail.replace() : trail.addKeyFrame()),
+        ',': () => trail.step(-1),
+        '.': () => trail.step(1),
+        '<': () => trail.nudge(-0.1),
+        '>': () => trail.nudge(0.1),
+        delete: () => trail.remove(),
+        escape: () => trail.choose(null),
         p: () => trail.play(),
         v: () => motion.open(),
         '?': () => toggle('help'),
@@ -345,6 +372,7 @@ async function begin() {
   wire();
   try {
     editor.scene = await ask('api/scene');
+    editor.state = (await ask('api/edit', { method: 'POST', body: { tab, operations: [] } })).state;
   } catch (error) {
     link.on.gone(error);
     setTimeout(() => location.reload(), 3000);
@@ -354,7 +382,6 @@ async function begin() {
   fillSelects();
   buildPoints();
   motion.build();
-  editor.state = (await ask('api/edit', { method: 'POST', body: { tab, operations: [] } })).state;
   stage.build();
   overview.build();
   draw();

@@ -157,8 +157,9 @@ class Motion {
     preview.disabled = apply.disabled = !this.found;
     pairing.hidden = !this.found && !this.pairs.length; // there while a new pair is followed: the focus is in it
     if (this.found) {
-      frame.max = this.found.track.length - 1;
-      this.part['frame-at'].textContent = `${Number(frame.value) + 1} / ${this.found.track.length}`;
+      const { length } = this.found.track;
+      frame.max = length - 1;
+      write(this.part['frame-at'], `${Number(frame.value) + 1} / ${length}`, `${length} / ${length}`);
     }
     picture.hidden = !this.image;
     if (!this.image) return;
@@ -239,9 +240,9 @@ class Motion {
     const { path, fps } = this.found,
       gesture = this.editor.gesture();
     const stride = Math.ceil(path.length / MOST_KEY_FRAMES);
-    const operations = [{ do: 'clear_trail' }];
+    const operations = [{ do: 'clear_trail', gesture }];
     for (let frame = 0; frame < path.length; frame += stride) {
-      operations.push(this.place(frame, gesture), { do: 'key_frame', time: frame / fps });
+      operations.push(this.place(frame, gesture), { do: 'key_frame', time: frame / fps, gesture });
     }
     this.editor.send(operations);
     this.part.box.close();

@@ -170,6 +170,7 @@ class Overview {
     if (!drag) return;
     const dx = event.clientX - drag.x,
       dy = event.clientY - drag.y;
+    if (!dx && !dy) return;
     Object.assign(drag, { x: event.clientX, y: event.clientY, far: drag.far + Math.hypot(dx, dy) });
     if (drag.far < 3) return;
     if (drag.own === 'move') {
@@ -207,6 +208,7 @@ class Overview {
   }
 
   end(event) {
+    this.move(event); // a fast hand may lift before a move was heard
     const clicked = this.drag && this.drag.far < 3 && event.button === 0;
     this.drag = null;
     if (!clicked) return;

@@ -229,7 +229,7 @@ class Stage {
       );
     } else if (event.key === 'PageUp' || event.key === 'PageDown') {
       this.scaleDepth(chosen, event.key === 'PageUp' ? 1.02 : 1 / 1.02, event.timeStamp);
-    } else if (event.key === 'Escape') {
+    } else if (event.key === 'Escape' && chosen.length) {
       editor.select(new Set());
     } else {
       return;

@@ -35,9 +35,10 @@ function merged(last, next) {
 }
 
 class Link {
-  // on: { answer(state, picture, moved), mistake(message), good(), gone(error), back() }
+  // on: { answer(state, picture, moved), waits(), rests(), mistake(message), good(), gone(error), back() }
   constructor(on) {
     Object.assign(this, { on, pending: [], preview: false, still: false, busy: null, moved: 0, isGone: false });
+    this.timer = null;
     this.previewWidth = 160;
     this.stillWidth = 320;
     this.refused = null; // the operations of the last request that was answered by an error
@@ -74,14 +75,21 @@ class Link {
   // Once the hand has rested for a few frames: a picture in full size that nobody waits for any more is given up.
   stillSoon() {
     clearTimeout(this.timer);
+    this.on.waits();
     this.timer = setTimeout(() => {
+      this.timer = null;
       this.still = true;
       this.pump();
     }, 60);
   }
 
+  // Whether there is anything to ask for.
+  get wants() {
+    return this.pending.length > 0 || this.preview || this.still;
+  }
+
   async pump() {
-    if (this.busy || this.isGone || !(this.pending.length || this.preview || this.still)) return;
+    if (this.busy || this.isGone || !this.wants) return;
     const still = !this.pending.length && !this.preview;
     const [operations, moved] = [this.pending, this.moved];
     Object.assign(this, { pending: [], preview: false, moved: 0 });
@@ -112,6 +120,7 @@ class Link {
       }
     }
     this.busy = null;
+    if (!this.wants && !this.timer && !this.isGone) this.on.rests();
     this.pump();
   }
 
@@ -129,6 +138,7 @@ class Link {
 
   async lose(error) {
     this.isGone = true;
+    this.on.waits();
     this.on.gone(error);
     while (this.isGone) {
       await new Promise((done) => setTimeout(done, 1000));

@@ -87,22 +87,25 @@ export class Tab {
     }, selector);
   }
 
-  picture() {
-    return this.page.evaluate(() => {
+  // Where it has to be that of a state that `rests`: empty while the page waits for another one, or shows a preview.
+  picture(rests = false) {
+    return this.page.evaluate((ofRest) => {
       const canvas = document.getElementById('picture');
+      const wide = String(canvas.width) === document.getElementById('still-width').value;
+      if (ofRest && (!wide || canvas.getAttribute('aria-busy') === 'true')) return '';
       return `${canvas.width}x${canvas.height}:${canvas.toDataURL()}`;
-    });
+    }, rests);
   }
 
-  // The picture of a state that rests: as wide as one that is no preview, and the same twice in a row, half a second
-  // apart.
-  async still() {
-    const width = await this.page.inputValue('#still-width');
-    for (let last = ''; ; await pause(500)) {
-      const now = await this.picture();
-      if (now === last && now.startsWith(`${width}x`)) return now;
+  // The picture of a state that rests, the same twice in a row: what the pointer did may be on its way to the page.
+  async still(seconds = 60) {
+    let last = '';
+    for (const end = Date.now() + 1000 * seconds; Date.now() < end; await pause(80)) {
+      const now = await this.picture(true);
+      if (now && now === last) return now;
       last = now;
     }
+    throw new Error(`waited ${seconds} s in vain for the picture to rest`);
   }
 
   // Through these places with the button down, `steps` moves between two of them, which last `wait` ms or longer.

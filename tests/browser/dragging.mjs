@@ -47,8 +47,10 @@ async function twoAtOnce(tab, other, name) {
   const ends = await Promise.all(
     tabs.map(async (one, i) => {
       const [x, y] = await one.centerOf('.handle');
-      const end = [x + (i ? -50 : 40), y + (i ? 20 : -40)];
-      await one.drag([[x, y], [x + 20, y + 30], [x - 30, y - 10], end], { steps: 15 });
+      const end = [x + (i ? -40 : 30), y + (i ? 20 : -30)];
+      // Few steps, as in Chromium a page that is not in front may take a second for each; and short ones, as in Firefox
+      // the pointers of both pages are one, which only one of them can capture.
+      await one.drag([[x, y], [x + 10, y + 10], end], { steps: 4 });
       return end;
     }),
   );
@@ -71,6 +73,7 @@ async function comeBack(tab, twin) {
     [tab, 30],
     [twin, -30],
   ]) {
+    await one.page.bringToFront();
     const [x, y] = await one.centerOf('.handle');
     await one.drag([
       [x, y],
@@ -97,7 +100,7 @@ async function comeBack(tab, twin) {
 
 async function dragAtRandom(tab, server, seconds) {
   const { page } = tab;
-  const { width, height } = page.viewportSize();
+  const stage = await page.locator('#stage').boundingBox(); // outside of it key points would lie under controls
   await page.evaluate(() => {
     let last = performance.now();
     Object.assign(window, { longest: 0, pictures: 0 });
@@ -117,13 +120,16 @@ async function dragAtRandom(tab, server, seconds) {
   const heap = await heapOf(page);
   let seed = 1;
   const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
-  const inside = (value, most) => Math.min(Math.max(value, 20), most - 120);
+  const inside = (value, low, size) => Math.min(Math.max(value, low + 20), low + size - 20);
   const start = Date.now();
   const sizes = [];
   for (let i = 0; Date.now() - start < 1000 * seconds; ++i) {
     const handles = await page.locator('.handle').count();
     const at = await tab.centerOf(i % 5 === 4 ? '#overview' : `.handle:nth-of-type(${2 + (i % handles)})`);
-    const to = [inside(at[0] + 300 * (random() - 0.5), width), inside(at[1] + 240 * (random() - 0.5), height)];
+    const to = [
+      inside(at[0] + 300 * (random() - 0.5), stage.x, stage.width),
+      inside(at[1] + 240 * (random() - 0.5), stage.y, stage.height),
+    ];
     await tab.drag([at, to], { steps: 12, wait: 12 });
     if (i % 7 === 6) await tab.key('Shift+R');
     if (i % 11 === 10) await tab.key('c');

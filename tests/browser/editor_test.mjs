@@ -3,7 +3,7 @@
 //                        [--drag SECONDS] [--video FILE X,Y] [--measure [--fixed]]
 //
 // Needs a run with key points. Ends with 0, with 77 (skipped) where the browser or Playwright is not there, and with 1
-// where a check fails. --drag says how long key points and camera are dragged about at random (20); --video drives a
+// where a check fails. --drag says how long key points and camera are dragged about at random (10); --video drives a
 // key point by this file, else by clip.mp4 in RUN where that is there; --measure only drags for ten seconds and prints
 // how long the picture takes to follow the pointer, --fixed with previews of 160 pixels.
 import { mkdirSync } from 'node:fs';
@@ -14,12 +14,19 @@ import { dragging, measure } from './dragging.mjs';
 import { editing } from './editing.mjs';
 import { keyboard } from './keyboard.mjs';
 import { locality } from './locality.mjs';
+import { keyFrames } from './key_frames.mjs';
 import { look } from './look.mjs';
 import { motion } from './motion.mjs';
 import { outages } from './outages.mjs';
+import { overview } from './overview.mjs';
+import { playing } from './playing.mjs';
+import { proxy } from './proxy.mjs';
 import { trail } from './trail.mjs';
 
-const SUBJECTS = { editing, locality, keyboard, look, motion, trail, dragging, outages };
+const SUBJECTS = {
+  ...{ editing, overview, locality, keyboard, look, playing, motion, trail, 'key-frames': keyFrames, proxy, dragging },
+  outages,
+};
 
 const [name, program, run, ...flags] = process.argv.slice(2);
 if (!run) {
@@ -30,7 +37,7 @@ const after = (flag, other, by = 1) => (flags.includes(flag) ? flags[flags.index
 const [width, height] = after('--size', '1280x720').split('x').map(Number);
 const options = {
   screenshots: after('--screenshots'),
-  dragSeconds: Number(after('--drag', 20)),
+  dragSeconds: Number(after('--drag', 10)),
   clip: resolve(after('--video', join(run, 'clip.mp4'))),
   clipPoint: after('--video', '40,40', 2).split(',').map(Number),
   fixed: flags.includes('--fixed'),
@@ -51,6 +58,7 @@ async function openTab() {
 
 async function treat(subject, act) {
   console.log(`${subject} in ${name}`);
+  const start = performance.now();
   try {
     const tab = await openTab();
     await act({ tab, server, context, openTab, options });
@@ -59,6 +67,7 @@ async function treat(subject, act) {
   } catch (error) {
     check(false, `${subject}: ${error.stack}`);
   }
+  console.log(`${subject} in ${name}: ${((performance.now() - start) / 1000).toFixed(1)} s`);
 }
 
 try {

@@ -99,6 +99,15 @@ function outOfSight() {
     .map((one) => one.id || one.textContent);
 }
 
+// In the page: how high the lines at the bottom are while nothing was rendered, while a video is, and once it was.
+function footerHeights() {
+  const ids = ['video', 'video-cancel', 'video-progress', 'video-file'];
+  return [['video'], ['video-cancel', 'video-progress'], ['video', 'video-file']].map((shown) => {
+    for (const id of ids) document.getElementById(id).hidden = !shown.includes(id);
+    return document.querySelector('footer').getBoundingClientRect().height;
+  });
+}
+
 export async function look({ tab }) {
   const { page } = tab;
   await tab.still();
@@ -133,6 +142,21 @@ export async function look({ tab }) {
       return (width * height) / (innerWidth * innerHeight);
     });
     check(share > 0.25, `and the picture has ${(100 * share).toFixed(0)}% of it`);
+    await tab.key('?');
+    const hidden = await page.evaluate(() => {
+      const help = document.getElementById('help-box');
+      return help.scrollHeight - help.clientHeight;
+    });
+    await tab.key('Escape');
+    check(hidden <= 0, `the help is in sight, but for ${hidden} pixels`);
+    const sharp = await page.evaluate(() => {
+      const ticks = document.getElementById('ticks');
+      return ticks.width === Math.floor(ticks.clientWidth * devicePixelRatio);
+    });
+    check(sharp, 'marks of key frames are drawn for this size');
+    const heights = await page.evaluate(footerHeights);
+    check(heights.every((height) => height < 80), `a video needs no third line: ${heights.join(', ')} pixels`);
+    await page.evaluate(() => (document.getElementById('video-file').hidden = true));
     await tab.shot(`${width}x${height}`);
   }
   await page.setViewportSize(size);

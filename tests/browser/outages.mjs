@@ -36,6 +36,7 @@ async function refusals(tab) {
     await tab.until((text) => document.getElementById('gone-says').textContent === text, error);
     check((await tab.text('status')) !== 'not connected', `${status}: the page says what the server says`);
     await tab.until(() => document.querySelector('#gone-close').getClientRects().length > 0);
+    await tab.still(); // the full picture is refused as well, and would say it once more
     await page.locator('#gone-close').press('Enter');
     const focused = await page.evaluate(() => document.activeElement.id);
     check((await page.isHidden('#gone')) && focused === 'help', 'keys close it, and the focus stays near');
@@ -51,6 +52,29 @@ async function refusals(tab) {
   await tab.key('Shift+R');
   await tab.still();
   tab.problems.length = 0; // of requests that were refused, which browsers report as well
+}
+
+// How the video is getting on is asked for all the time: a refusal is said, and only silence is a server that is gone.
+async function watching(tab) {
+  const { page } = tab;
+  for (const status of [404, 409, 500]) {
+    const error = `made up for a video, with status ${status}`;
+    await page.unroute('**/api/video*');
+    await page.route('**/api/video*', (route) => route.fulfill({ status, json: { error } }));
+    await tab.until((text) => document.getElementById('gone-says').textContent === text, error);
+    check((await tab.text('status')) !== 'not connected', `${status} for the video: the page says what the server says`);
+  }
+  await page.unroute('**/api/video*');
+  await page.waitForSelector('#gone', { state: 'hidden' });
+  check(true, 'the next answer clears it');
+  await page.route('**/api/video*', (route) => route.abort());
+  await tab.until(() => document.getElementById('status').textContent === 'not connected');
+  check((await tab.text('gone-says')).includes('does not answer'), 'where nobody answers it says that');
+  await page.unroute('**/api/video*');
+  await page.waitForSelector('#gone', { state: 'hidden' });
+  await tab.until(() => document.getElementById('status').textContent.includes('ms'));
+  check(true, 'and goes on when it is back');
+  tab.problems.length = 0; // of requests that failed, which browsers report as well
 }
 
 // A scene without key points has no weights to show.
@@ -110,6 +134,7 @@ export async function outages({ tab, server, openTab }) {
   const { page } = tab;
   await tab.still();
   await refusals(tab);
+  await watching(tab);
   await noKeyPoints(openTab);
   const kept = `${server.run}-kept`;
   cpSync(server.run, kept, { recursive: true });

@@ -1,23 +1,26 @@
-// A trail is recorded, handed out, and becomes a video that other programs can read.
+// A trail is recorded, handed out, and becomes a video that other programs can read; enf-render makes the same of it.
 import { spawnSync } from 'node:child_process';
 import { readFileSync } from 'node:fs';
+import { dirname, join } from 'node:path';
 import { check } from './desk.mjs';
 
-const WIDTH = 320;
+const hasFfmpeg = () => !spawnSync('ffmpeg', ['-version']).error;
 
-// Every frame of a video as grey values; nothing where there is no ffmpeg.
-function decode(file) {
-  const wish = ['-v', 'error', '-i', file, '-f', 'rawvideo', '-pix_fmt', 'gray', '-'];
-  const { status, error, stdout, stderr } = spawnSync('ffmpeg', wish, { maxBuffer: 1 << 30 });
-  if (error) return null;
-  if (status !== 0) throw new Error(`ffmpeg: ${stderr}`);
+// What a program writes to standard output.
+function outputOf(program, wish) {
+  const { status, error, stdout, stderr } = spawnSync(program, wish, { maxBuffer: 1 << 30 });
+  if (error) throw error;
+  if (status !== 0) throw new Error(`${program} ended with ${status}: ${stderr}`);
   return stdout;
 }
 
+// Every frame of a video as grey values.
+const decode = (file) => outputOf('ffmpeg', ['-v', 'error', '-i', file, '-f', 'rawvideo', '-pix_fmt', 'gray', '-']);
+
 const meanDifference = (a, b) => a.reduce((sum, value, i) => sum + Math.abs(value - b[i]), 0) / a.length;
 
-// The picture on screen as grey values, at the size of the video.
-function greyPicture(page, height) {
+// The picture on screen as grey values, at this size.
+function greyPicture(page, size) {
   return page.evaluate(
     ([width, height]) => {
       const small = document.createElement('canvas');
@@ -29,18 +32,35 @@ function greyPicture(page, height) {
         Math.round(0.299 * data[4 * i] + 0.587 * data[4 * i + 1] + 0.114 * data[4 * i + 2]),
       );
     },
-    [WIDTH, height],
+    size,
   );
 }
 
-export async function trail({ tab }) {
+// The video against what the program for it renders of the edit file: frame by frame the same, and as far from that of
+// the same edit backwards as its frames are from each other.
+function compareWithRendered(frames, { width, height, count }, edit, server) {
+  const size = width * height;
+  const out = join(server.scratch, 'rendered.mp4');
+  const wish = [server.run, '--edit', edit, '--size', `${width}x${height}`, '--out', out, '--quiet'];
+  outputOf(join(dirname(server.program), 'enf-render'), wish);
+  const rendered = decode(out);
+  check(rendered.length === frames.length, 'enf-render makes as many frames of the edit file');
+  const frameOf = (video, i) => video.subarray(i * size, (i + 1) * size);
+  const farthest = (other) =>
+    Math.max(...Array.from({ length: count }, (_, i) => meanDifference(frameOf(frames, i), frameOf(rendered, other(i)))));
+  const [same, backwards] = [farthest((i) => i), farthest((i) => count - 1 - i)];
+  check(same < 2, `of which none is more than ${same.toFixed(2)} of 255 grey values from the editor's`);
+  check(backwards > 2 * Math.max(same, 1), `backwards they would be ${backwards.toFixed(2)} grey values away`);
+}
+
+export async function trail({ tab, server }) {
   const { page } = tab;
   await tab.still();
   const [x, y] = await tab.centerOf('.handle');
   await page.click('#record');
   await tab.drag([
     [x, y],
-    [x + 30, y - 50],
+    [x + 60, y - 80],
   ]);
   await page.click('#record');
   await tab.until(() => !document.getElementById('video').disabled);
@@ -51,24 +71,26 @@ export async function trail({ tab }) {
   const edit = JSON.parse(readFileSync(path, 'utf8'));
   check(edit.frames.length > 2, `the trail is handed out as an edit file of ${edit.frames.length} frames`);
 
-  await page.selectOption('#video-width', String(WIDTH));
+  const width = Number(await page.locator('#video-width option').first().getAttribute('value')); // the smallest
+  await page.selectOption('#video-width', String(width));
   await page.click('#video');
   await tab.until(() => !document.getElementById('video-file').hidden, null, 120);
   const video = await tab.download(() => page.click('#video-file'));
   check(video.name === 'edited.mp4', `the recorded trail becomes a video, saved as ${video.name}`);
-  const frames = decode(video.path);
-  if (frames) {
+  if (hasFfmpeg()) {
+    const frames = decode(video.path);
     const [w, h] = (await tab.picture()).split(':')[0].split('x').map(Number);
-    const height = 2 * Math.round((WIDTH * h) / w / 2);
-    const size = WIDTH * height;
-    check(frames.length === size * edit.frames.length, `all its frames can be decoded, at ${WIDTH} x ${height}`);
+    const height = 2 * Math.round((width * h) / w / 2);
+    const size = width * height;
+    check(frames.length === size * edit.frames.length, `all its frames can be decoded, at ${width} x ${height}`);
     const [first, last] = [frames.subarray(0, size), frames.subarray(frames.length - size)];
-    const shown = await greyPicture(page, height);
+    const shown = await greyPicture(page, [width, height]);
     const [toFirst, toLast] = [meanDifference(shown, first), meanDifference(shown, last)];
     check(toLast < 4, `its last frame is the picture on screen, but for ${toLast.toFixed(2)} of 255 grey values`);
     check(toFirst > 2 * toLast, `its first one is another: ${toFirst.toFixed(2)} grey values away`);
+    compareWithRendered(frames, { width, height, count: edit.frames.length }, path, server);
   } else {
-    console.log('passed over: there is no ffmpeg to decode the video');
+    console.log('SKIPPED: what is in the video, as there is no ffmpeg here to decode it; scripts/setup installs it');
   }
 
   await page.selectOption('#fps', '60');
