@@ -1,4 +1,4 @@
-// Every kernel beside what it stands for in LibTorch's operations.
+// Every kernel beside what it stands for in LibTorch's operations, and the field beside itself with other parts.
 #pragma once
 
 #include "libeditnerf/benchmarks/benchmark_result.h"
@@ -14,10 +14,12 @@ struct KernelBenchmark {
 };
 
 // ns per sample by the clock and of the processor; by processor time, the ratio to the reference, GFLOP/s of a core and
-// the share of its measured peak; for one thread and for all of them.
-// References of single kernels are plain LibTorch operations; that of the field is the field module by module, which
-// shares the kernels of hash encoding and small networks. Operations are counted by hand, multiply-adds as two, and
-// only those of encodings and networks. Leaves NumThreads() as it was.
+// the share of its measured peak, float32's or that of the unit for bfloat16; for one thread and for all of them.
+// References are plain LibTorch operations alone; those of bfloat16's networks and tables are the kernels in float32.
+// Operations are counted by hand, multiply-adds as two, and only those of encodings and networks.
+// Beside it, what a step of training along rays takes of the processor where the field has fewer and more parts, and
+// where that time goes.
+// Leaves NumThreads() as it was.
 BenchmarkResult RunKernelBenchmark(const Config& config, const KernelBenchmark& options);
 
 }  // namespace editnerf

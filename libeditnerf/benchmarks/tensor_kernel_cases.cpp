@@ -15,10 +15,11 @@ namespace {
 constexpr int64_t kStepsPerRay = 32;
 constexpr int64_t kMarchSteps = 128;
 constexpr double kOccupiedShare = 0.1;
+constexpr int64_t kSamplesOfStep = 32768;  // of training
 
 // A call with gradients of everything, and one without.
 template <class Forward>
-std::function<void()> BothWays(const Forward& forward, std::vector<torch::Tensor> leaves) {
+std::function<void()> BothWays(const Forward& forward, const std::vector<torch::Tensor>& leaves) {
   return [forward, leaves] {
     const torch::Tensor out = forward();
     out.backward(torch::ones_like(out));
@@ -34,12 +35,15 @@ std::function<void()> WithoutGradients(const Forward& forward) {
   };
 }
 
+torch::Tensor RandomTable(const HashEncodingConfig& hash) {
+  return torch::rand({hash.num_levels, int64_t{1} << hash.log2_table_size, hash.features_per_level});
+}
+
 void AddEncoding(const Config& config, int64_t samples, std::vector<KernelCase>* cases) {
   const HashEncodingConfig& hash = config.field.fast.canonical_hash;
   const auto resolutions = HashResolutions(hash.num_levels, hash.base_resolution, hash.finest_resolution);
   const auto x = torch::rand({samples, 3});
-  const auto table =
-      torch::rand({hash.num_levels, int64_t{1} << hash.log2_table_size, hash.features_per_level}).requires_grad_();
+  const auto table = RandomTable(hash).requires_grad_();
   const auto kernel = [=] { return HashEncode(x, table, resolutions); };
   const auto reference = [=] { return HashEncodeReference(x, table, resolutions); };
   const auto count = static_cast<double>(samples);
@@ -113,22 +117,58 @@ void AddMarching(const Config& config, int64_t samples, std::vector<KernelCase>*
   cases->push_back({"marching, a kept sample", kept, 0, WithoutGradients(kernel), WithoutGradients(reference)});
 }
 
+// What a step leaves in a table's gradient: light reaches samples near surfaces, here a sphere, so that few of the
+// coarse entries are touched and nearly all of the fine ones. Half of all together, as measured in training.
+torch::Tensor GradientOfStep(const HashEncodingConfig& hash) {
+  const auto toward = torch::randn({kSamplesOfStep, 3});
+  const auto x = 0.5 + (0.28 + 0.005 * torch::randn({kSamplesOfStep, 1})) * toward / toward.norm(2, 1, true);
+  const auto table = RandomTable(hash).requires_grad_();
+  const auto features =
+      HashEncode(x, table, HashResolutions(hash.num_levels, hash.base_resolution, hash.finest_resolution));
+  features.backward(torch::randn_like(features));
+  return table.grad().flatten();
+}
+
+// Values and moments of a table, for the kernels and for LibTorch's own.
+struct AdamTable {
+  torch::Tensor values, first, second, gradient, theirs;
+  std::shared_ptr<torch::optim::Adam> optimizer;
+  AdamUpdate update = {0.9F, 0.99F, 1e-3F, 1.0F, 1e-15F};
+
+  explicit AdamTable(const torch::Tensor& gradients)
+      : values(torch::rand_like(gradients)),
+        first(torch::zeros_like(gradients)),
+        second(torch::zeros_like(gradients)),
+        gradient(gradients.clone()),
+        theirs(values.clone().requires_grad_()) {
+    theirs.mutable_grad() = gradients.clone();
+    const auto options = torch::optim::AdamOptions(update.rate).betas({update.beta1, update.beta2}).eps(update.epsilon);
+    optimizer = std::make_shared<torch::optim::Adam>(std::vector<torch::Tensor>{theirs}, options);
+  }
+  template <class Step>
+  void Take(const Step& step) const {
+    step(update, gradient.numel(), gradient.data_ptr<float>(), values.data_ptr<float>(), first.data_ptr<float>(),
+         second.data_ptr<float>());
+  }
+};
+
 void AddAdam(const Config& config, std::vector<KernelCase>* cases) {
   const HashEncodingConfig& hash = config.field.fast.canonical_hash;
-  const int64_t count = hash.num_levels * (int64_t{1} << hash.log2_table_size) * hash.features_per_level;
-  const auto gradient = torch::randn({count});
-  const auto values = torch::rand({count}), first = torch::zeros({count}), second = torch::zeros({count});
-  const auto theirs = torch::rand({count}).requires_grad_();
-  theirs.mutable_grad() = gradient;
-  const auto optimizer = std::make_shared<torch::optim::Adam>(
-      std::vector<torch::Tensor>{theirs}, torch::optim::AdamOptions(1e-3).betas({0.9, 0.99}).eps(1e-15));
-  const AdamUpdate update = {0.9F, 0.99F, 1e-3F, 1.0F, 1e-15F};
-  cases->push_back({"Adam, a parameter", static_cast<double>(count), 0,
+  const AdamTable dense(torch::randn_like(RandomTable(hash).flatten()));
+  cases->push_back({"Adam, a parameter", static_cast<double>(dense.values.numel()), 0, [=] { dense.Take(AdamStep); },
+                    [=] { dense.optimizer->step(); }});
+  // The sparse step clears its gradient, so that it has to be put there again, for both.
+  const auto left = GradientOfStep(hash);
+  const AdamTable sparse(left);
+  cases->push_back({"sparse Adam, a touched parameter", static_cast<double>(left.count_nonzero().item<int64_t>()), 0,
                     [=] {
-                      AdamStep(update, count, gradient.data_ptr<float>(), values.data_ptr<float>(),
-                               first.data_ptr<float>(), second.data_ptr<float>());
+                      sparse.gradient.copy_(left);
+                      sparse.Take(SparseAdamStep);
                     },
-                    [=] { optimizer->step(); }});
+                    [=] {
+                      sparse.theirs.grad().copy_(left);
+                      sparse.optimizer->step();
+                    }});
 }
 
 }  // namespace

@@ -60,13 +60,23 @@ TEST_CASE("enf-bench kernels compares every kernel with its reference, for one t
   REQUIRE(json.at("runs").size() == 2);
   for (const Json& run : json.at("runs")) {
     CHECK(run.at("peak_gflops") > 0);
-    CHECK(run.at("kernels").size() == 12 + 2 * Bf16UnitsHere().size());
+    const size_t fused_kernels = Bf16UnitsHere().empty() ? 1 : 2;
+    CHECK(run.at("kernels").size() == 10 + 3 * fused_kernels + 2 * Bf16UnitsHere().size());
     for (const Json& kernel : run.at("kernels")) {
       INFO(kernel.dump());
       CHECK(kernel.at("nanoseconds") > 0);
       CHECK(kernel.at("reference_processor_nanoseconds") > 0);
       CHECK(kernel.at("ratio") > 0);
       if (kernel.contains("gflops")) CHECK(kernel.at("share_of_peak") > 0);
+    }
+    CHECK(run.at("field_parts").size() == 7 * fused_kernels);
+    for (const Json& parts : run.at("field_parts")) {
+      INFO(parts.dump());
+      CHECK(parts.at("operations") > 0);
+      CHECK(parts.at("of_one_key_point") > 0);
+      double sum = 0;
+      for (const Json& nanoseconds : parts.at("phases")) sum += nanoseconds.get<double>();
+      CHECK(sum == Approx(parts.at("processor_nanoseconds").get<double>()));
     }
   }
   CHECK(json.at("runs")[0].at("threads") == 1);
