@@ -80,7 +80,7 @@ class HalfSent {
 
 Json VideoWhenItEnds(httplib::Client& client) {
   for (;; std::this_thread::sleep_for(std::chrono::milliseconds(20))) {
-    const Json status = Json::parse(client.Get("/api/video")->body);
+    Json status = Json::parse(client.Get("/api/video")->body);
     if (status["state"] != "running") return status;
   }
 }
@@ -126,7 +126,7 @@ TEST_CASE("values of a wrong type and missing ones are refused by name") {
   auto client = desk.Client();
   desk.Edit(Json::array());
   const auto refused = [&](const char* path, const std::string& body) {
-    const std::string error = ErrorOf(client.Post(path, body, "application/json"), 400);
+    std::string error = ErrorOf(client.Post(path, body, "application/json"), 400);
     INFO(path << " " << body << ": " << error);
     CHECK(error.find("json.exception") == std::string::npos);
     return error;
