@@ -23,6 +23,7 @@
 #include "libeditnerf/server/connection_threads.h"
 #include "libeditnerf/server/editor_tabs.h"
 #include "libeditnerf/server/render_thread.h"
+#include "libeditnerf/server/request_fields.h"
 #include "libeditnerf/server/request_guard.h"
 #include "libeditnerf/server/session_json.h"
 #include "libeditnerf/server/tab_videos.h"
@@ -31,7 +32,7 @@ namespace editnerf {
 namespace {
 
 constexpr size_t kMaxBody = 1 << 20;
-constexpr size_t kMaxOperations = 1000, kMaxPairs = 1000;
+constexpr size_t kMaxOperations = 1000;
 constexpr int64_t kMinWidth = 16, kMaxWidth = 1920;
 constexpr int kPreviewQuality = 80, kPictureQuality = 95;
 // Each may be a file that is open, of which systems often allow 1024.
@@ -47,72 +48,9 @@ void AnswerError(const std::string& message, int status, httplib::Response* resp
   Answer({{"error", message}}, response, status);
 }
 
-Json ParseBody(const httplib::Request& request) {
-  Json json = ParseJson(request.body, "request");
-  if (!json.is_object()) Throw<DataError>("request: expected a JSON object, found {}", Brief(json));
-  return json;
-}
-
-// Empty where it is missing, which is no tab's name.
-std::string TabName(const Json& body) {
-  const auto tab = body.find("tab");
-  if (tab == body.end()) return "";
-  if (!tab->is_string()) Throw<DataError>("request: tab: expected a name in quotes, found {}", Brief(*tab));
-  return tab->get<std::string>();
-}
-
-// False where it is missing.
-bool Flag(const Json& object, const char* name, const std::string& where) {
-  const auto flag = object.find(name);
-  if (flag == object.end()) return false;
-  if (!flag->is_boolean()) Throw<DataError>("{}: {}: expected true or false, found {}", where, name, Brief(*flag));
-  return flag->get<bool>();
-}
-
-// A list's length, or the value that is none, as a message shows it.
-std::string BriefList(const Json& value) {
-  return value.is_array() ? fmt::format("one of {}", value.size()) : Brief(value);
-}
-
 const char* StateName(VideoStatus::State state) {
   static constexpr const char* kNames[] = {"none", "running", "done", "cancelled", "failed"};
   return kNames[static_cast<int>(state)];
-}
-
-int64_t WholeNumber(const httplib::Request& request, const char* name) {
-  const std::string text = request.get_param_value(name);
-  if (text.empty() || text.size() > 15 || text.find_first_not_of("0123456789") != std::string::npos) {
-    Throw<DataError>("{}: expected a whole number, found '{}'", name, text.substr(0, 20));
-  }
-  return std::stoll(text);
-}
-
-double Fps(const std::string& text) {
-  if (text.empty()) return 24;
-  try {
-    size_t end = 0;
-    const double fps = std::stod(text, &end);
-    if (end == text.size()) return fps;
-  } catch (const std::logic_error&) {  // told below
-  }
-  Throw<DataError>("fps: expected a number, found '{}'", text.substr(0, 20));
-}
-
-// [[video frame, row of the training frames], ...]
-std::vector<FramePair> PairsOf(const Json& pairs) {
-  if (!pairs.is_array() || pairs.size() > kMaxPairs) {
-    Throw<DataError>("request: pairs: expected a list of at most {}, found {}", kMaxPairs, BriefList(pairs));
-  }
-  std::vector<FramePair> found;
-  for (size_t i = 0; i < pairs.size(); ++i) {
-    const Json& pair = pairs[i];
-    const std::string where = fmt::format("request: pairs[{}]", i);
-    if (!pair.is_array() || pair.size() != 2) {
-      Throw<DataError>("{}: expected a frame of the video and a row, found {}", where, Brief(pair));
-    }
-    found.push_back({editnerf::WholeNumber(pair[0], where), editnerf::WholeNumber(pair[1], where)});
-  }
-  return found;
 }
 
 }  // namespace
@@ -166,7 +104,7 @@ Json EditorServer::Impl::Picture(const Json& wish, EditorTab& tab, const std::st
                      request.width);
   }
   if (wish.contains("weights")) request.weights = JsonNumber(wish, "weights", "request: picture");
-  request.preview = Flag(wish, "preview", "request: picture");
+  request.preview = JsonFlag(wish, "preview", "request: picture");
   {
     const std::lock_guard<std::mutex> lock(tab.mutex);
     request.key_points = tab.session.state().key_points;
@@ -185,15 +123,11 @@ Json EditorServer::Impl::Picture(const Json& wish, EditorTab& tab, const std::st
 }
 
 void EditorServer::Impl::Edit(const httplib::Request& request, httplib::Response* response) {
-  const Json body = ParseBody(request);
+  const Json body = ParseRequest(request.body);
   const std::string name = TabName(body);
   const std::shared_ptr<EditorTab> tab = tabs.Of(name);
   if (body.contains("operations")) {
-    const Json& operations = body["operations"];
-    if (!operations.is_array() || operations.size() > kMaxOperations) {
-      Throw<DataError>("request: operations: expected a list of at most {}, found {}", kMaxOperations,
-                       BriefList(operations));
-    }
+    const Json& operations = JsonList(body, "operations", kMaxOperations);
     const std::lock_guard<std::mutex> lock(tab->mutex);
     for (size_t i = 0; i < operations.size(); ++i) {
       ApplyOperation(operations[i], fmt::format("request: operations[{}]", i), &tab->session);
@@ -290,7 +224,7 @@ void EditorServer::Impl::AddRoutes() {
 
 void EditorServer::Impl::AddVideoRoutes() {
   http.Post("/api/video", [this](const httplib::Request& request, httplib::Response& response) {
-    const Json body = ParseBody(request);
+    const Json body = ParseRequest(request.body);
     const double fps = JsonNumber(body, "fps", "request");
     const std::string tab = TabName(body);
     const std::string why = videos.Start(tab, TrailOf(tab, fps, JsonInteger(body, "width", "request")));
@@ -327,24 +261,25 @@ void EditorServer::Impl::AddVideoRoutes() {
 void EditorServer::Impl::AddMotionRoutes() {
   http.Post("/api/motion/video", [this](const httplib::Request& request, httplib::Response& response) {
     const auto motion = tabs.MotionOf(request.get_param_value("tab"));
-    motion->Receive(WholeNumber(request, "offset"), WholeNumber(request, "size"), request.body);
-    if (WholeNumber(request, "last") == 0) return Answer(Json::object(), &response);
+    motion->Receive(WholeNumberIn(request.get_param_value("offset"), "offset"),
+                    WholeNumberIn(request.get_param_value("size"), "size"), request.body);
+    if (WholeNumberIn(request.get_param_value("last"), "last") == 0) return Answer(Json::object(), &response);
     const torch::Tensor frame = motion->FirstFrame();
     Answer(
         {{"width", frame.size(1)}, {"height", frame.size(0)}, {"picture", Base64(EncodeJpeg(frame, kPictureQuality))}},
         &response);
   });
   http.Post("/api/motion", [this](const httplib::Request& request, httplib::Response& response) {
-    const Json body = ParseBody(request);
+    const Json body = ParseRequest(request.body);
     const std::string name = TabName(body);
     TransferOptions transfer;
     transfer.key_point = JsonInteger(body, "key_point", "request");
-    transfer.reversed = Flag(body, "reversed", "request");
+    transfer.reversed = JsonFlag(body, "reversed", "request");
     if (body.contains("axes")) transfer.axes = JsonInteger(body, "axes", "request");
     if (transfer.axes != 1 && transfer.axes != 2) {
       Throw<DataError>("request: axes: expected 1 or 2, found {}", transfer.axes);
     }
-    if (body.contains("pairs")) transfer.pairs = PairsOf(body["pairs"]);
+    if (body.contains("pairs")) transfer.pairs = FramePairsOf(body);
     const std::shared_ptr<EditorTab> tab = tabs.Of(name);
     {
       const std::lock_guard<std::mutex> lock(tab->mutex);

@@ -31,13 +31,7 @@ struct SwingingPart {
 
   SwingingPart() {
     const ClipOptions options = {kFrames, 320, 240, 0.6, 0, 0};
-    const MovingSpheres rendered = RenderMovingSpheres({sphere}, options);
-    clip.width = 320, clip.height = 240;
-    for (int64_t t = 0; t < kFrames; ++t) {
-      clip.cameras.push_back(rendered.scene.frames[static_cast<size_t>(t)].camera);
-      clip.gray.push_back(rendered.scene.images[t].to(torch::kFloat32).mean(2).contiguous());
-      clip.depth.push_back(rendered.maps.depth[t]);
-    }
+    clip = ClipWithoutFlow(RenderMovingSpheres({sphere}, options));
     part.center = sphere.center(0);
     part.turns = part.hinged = true;
     for (int64_t t = 0; t < kFrames; ++t) {

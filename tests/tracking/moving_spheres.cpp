@@ -71,6 +71,18 @@ Hit Trace(const std::vector<Sphere>& spheres, int64_t t, const Vec3& origin, con
 
 }  // namespace
 
+Clip ClipWithoutFlow(const MovingSpheres& rendered) {
+  Clip clip;
+  clip.width = rendered.scene.width(), clip.height = rendered.scene.height();
+  for (size_t t = 0; t < rendered.scene.frames.size(); ++t) {
+    const auto row = static_cast<int64_t>(t);
+    clip.cameras.push_back(rendered.scene.frames[t].camera);
+    clip.gray.push_back(rendered.scene.images[row].to(torch::kFloat32).mean(2).contiguous());
+    clip.depth.push_back(rendered.maps.depth[row]);
+  }
+  return clip;
+}
+
 Sphere Sliding(const Vec3& center, const Vec3& amplitude, double cycles, int64_t frames, double radius) {
   return {radius, [=](int64_t t) {
             return center +

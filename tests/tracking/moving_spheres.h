@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "libeditnerf/scene/scene.h"
+#include "libeditnerf/tracking/clip.h"
 #include "libeditnerf/tracking/pretrained_maps.h"
 
 namespace editnerf {
@@ -35,6 +36,9 @@ struct MovingSpheres {
 };
 
 MovingSpheres RenderMovingSpheres(const std::vector<Sphere>& spheres, const ClipOptions& options = {});
+
+// Cameras, grey images and depth; no flow.
+Clip ClipWithoutFlow(const MovingSpheres& rendered);
 
 // A sphere that slides to and fro along a direction: center + amplitude sin(2 pi cycles t / frames).
 Sphere Sliding(const Vec3& center, const Vec3& amplitude, double cycles, int64_t frames, double radius = 0.2);
