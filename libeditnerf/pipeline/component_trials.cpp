@@ -12,6 +12,7 @@
 #include "libeditnerf/base/interrupt.h"
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/imaging/json_file.h"
+#include "libeditnerf/training/carried_pixels.h"
 #include "libeditnerf/training/generator_guard.h"
 #include "libeditnerf/training/held_out.h"
 #include "libeditnerf/training/trainer.h"
@@ -19,27 +20,36 @@
 namespace editnerf {
 namespace {
 
-constexpr int64_t kRays = 16384;     // held-out pixels
-constexpr uint64_t kSeed = 1;        // of every trial, so that they differ by the component alone
-constexpr double kLeastGain = 0.2;   // dB; runs of the same settings differ by 0.1
-constexpr double kMostShare = 0.15;  // of a stage's seconds that trials may take
-constexpr int64_t kMostAmbient = 4;  // ambient coordinates that are tried
+constexpr int64_t kRays = 16384;       // held-out pixels
+constexpr uint64_t kSeed = 1;          // of every trial, so that they differ by the component alone
+constexpr double kLeastGain = 0.2;     // dB; runs of the same settings differ by 0.1
+constexpr double kLeastOfParts = 0.3;  // dB, over the fewer pixels where parts are seen
+constexpr double kMostShare = 0.15;    // of a stage's seconds that trials may take
+constexpr int64_t kMostAmbient = 4;    // ambient coordinates that are tried
 
 struct Component {
   const char* setting;
   Choice* choice;
   bool undecided;        // what it is where it is not tried
   std::string needless;  // why nothing has to be tried
+  bool of_parts;         // changes nothing but what moves
+};
+
+// Held-out PSNR in dB.
+struct Measured {
+  double all = 0, parts = 0;  // parts: of pixels where parts are seen that move; equal to `all` where none is known
+
+  double Of(const Component& component) const { return component.of_parts ? parts : all; }
 };
 
 // Those that the configuration leaves open; what gains most first.
 std::vector<Component> OpenComponents(FieldConfig* field, const DetectedKeyPoints& detected) {
   std::vector<Component> all = {
       {"field.fast.local_frames", &field->fast.local_frames, field->HasLocalFrames(),
-       detected.turns.defined() ? "" : "no part turns"},
-      {"field.use_view_direction", &field->use_view_direction, field->HasViewDirection(), ""},
-      {"field.use_appearance", &field->use_appearance, field->HasAppearance(), ""},
-      {"field.warp.enabled", &field->warp.enabled, field->HasWarp(), ""},
+       detected.turns.defined() ? "" : "no part turns", true},
+      {"field.use_view_direction", &field->use_view_direction, field->HasViewDirection(), "", false},
+      {"field.use_appearance", &field->use_appearance, field->HasAppearance(), "", false},
+      {"field.warp.enabled", &field->warp.enabled, field->HasWarp(), "", false},
   };
   std::vector<Component> open;
   for (Component& component : all) {
@@ -58,8 +68,8 @@ class ShortTrainings {
   ShortTrainings(const Scene& scene, const StageRequest& request, FieldStage stage)
       : scene_(scene), request_(request), stage_(stage) {}
 
-  // Held-out PSNR after one, in steps of half the stage's size: what a component brings shows early.
-  double HeldOutAfter(const Config& config, const DetectedKeyPoints& detected, const DepthTargets& depth) const {
+  // What one gives, in steps of half the stage's size: what a component brings shows early.
+  Measured After(const Config& config, const DetectedKeyPoints& detected, const DepthTargets& depth) const {
     const GeneratorGuard guard(kSeed);
     Config trial = config;
     StageConfig& stage = StageOf(stage_, &trial);
@@ -80,7 +90,11 @@ class ShortTrainings {
     }
     const Run& run = trainer.run();
     run.field->eval();
-    return *HeldOut(scene_, kRays, request_.device).Psnr(*run.field, *run.renderer);
+    Measured psnr;
+    psnr.all = *HeldOut(scene_, kRays, request_.device).Psnr(*run.field, *run.renderer);
+    const torch::Tensor carried = CarriedPixels(scene_, detected.part_depth, detected.tracks);
+    psnr.parts = HeldOut(scene_, carried, kRays, request_.device).Psnr(*run.field, *run.renderer).value_or(psnr.all);
+    return psnr;
   }
 
   // Why none is made; empty where they are.
@@ -106,9 +120,9 @@ class ShortTrainings {
 
 std::string KeyPointSetting(int64_t detected) { return fmt::format("key point {}", detected + 1); }
 
-std::string GainText(double gain) {
-  return gain > kLeastGain ? fmt::format("{:+.2f} dB", gain)
-                           : fmt::format("{:+.2f} dB, expected more than {:.1f}", gain, kLeastGain);
+std::string GainText(double gain, double least = kLeastGain) {
+  return gain > least ? fmt::format("{:+.2f} dB", gain)
+                      : fmt::format("{:+.2f} dB, expected more than {:.1f}", gain, least);
 }
 
 void Say(const ComponentTrial& trial) { LogInfo("{}: {} ({})", trial.setting, trial.on ? "on" : "off", trial.reason); }
@@ -130,7 +144,7 @@ class Decisions {
     for (const Component& component : open_) *component.choice = Choice::kOff;
     untried_ = trainings_.WhyNone();
     if (!untried_.empty()) return;
-    best_ = HeldOutWith(decided_.merged);
+    best_ = Try(decided_.merged);
     untried_ = trainings_.WhyTooMany(clock_.Seconds(), 1 + open_.size() + (try_merging ? alike_.size() : 0));
   }
 
@@ -142,9 +156,7 @@ class Decisions {
   }
 
  private:
-  double HeldOutWith(const KeyPointMap& map) const {
-    return trainings_.HeldOutAfter(decided_.config, Merged(detected_, map), {});
-  }
+  Measured Try(const KeyPointMap& map) const { return trainings_.After(decided_.config, Merged(detected_, map), {}); }
 
   // The second of two detected key points that move as one part goes where nobody misses it.
   void Merge(int64_t first, int64_t second) {
@@ -160,16 +172,17 @@ class Decisions {
       trial.on = true;
       trial.reason += ", but " + untried_;
     } else {
-      trial.with = best_;
-      trial.without = HeldOutWith(merged);
+      const Measured without = Try(merged);
+      trial.with = best_.all;
+      trial.without = without.all;
       trial.on = *trial.with - *trial.without > kLeastGain;
       trial.reason += ", " + GainText(*trial.with - *trial.without);
+      if (!trial.on) best_ = without;
     }
     if (!trial.on) {
       trial.merged_into = first;
       gone_.insert(second);
       decided_.merged = merged;
-      best_ = trial.without.value_or(best_);
     }
     Keep(trial);
   }
@@ -184,11 +197,13 @@ class Decisions {
       trial.reason = untried_;
     } else {
       *component.choice = Choice::kOn;
-      trial.without = best_;
-      trial.with = HeldOutWith(decided_.merged);
-      trial.reason = GainText(*trial.with - best_);
-      trial.on = *trial.with - best_ > kLeastGain;
-      if (trial.on) best_ = *trial.with;
+      const Measured with = Try(decided_.merged);
+      trial.without = best_.Of(component);
+      trial.with = with.Of(component);
+      const double gain = *trial.with - *trial.without, least = component.of_parts ? kLeastOfParts : kLeastGain;
+      trial.reason = GainText(gain, least) + (component.of_parts ? " where parts are seen" : "");
+      trial.on = gain > least;
+      if (trial.on) best_ = with;
     }
     *component.choice = trial.on ? Choice::kOn : Choice::kOff;
     Keep(trial);
@@ -208,7 +223,7 @@ class Decisions {
   std::vector<std::pair<int64_t, int64_t>> alike_;  // detected key points
   std::string untried_;                             // why no trial is made
   std::set<int64_t> gone_;                          // of them, merged
-  double best_ = 0;
+  Measured best_;
 };
 
 }  // namespace
@@ -229,7 +244,7 @@ ComponentTrials DecideAmbient(const Scene& scene, const StageRequest& request, c
   slicing.ambient_dim = 1;
   double best = 0;
   if (untried.empty()) {
-    best = trainings.HeldOutAfter(decided.config, {}, depth);
+    best = trainings.After(decided.config, {}, depth).all;
     untried = trainings.WhyTooMany(clock.Seconds(), static_cast<size_t>(kMostAmbient));
   }
   if (!untried.empty()) {
@@ -241,7 +256,7 @@ ComponentTrials DecideAmbient(const Scene& scene, const StageRequest& request, c
     ComponentTrial trial;
     trial.setting = fmt::format("{} ambient dimensions", ++slicing.ambient_dim);
     trial.without = best;
-    trial.with = trainings.HeldOutAfter(decided.config, {}, depth);
+    trial.with = trainings.After(decided.config, {}, depth).all;
     trial.reason = GainText(*trial.with - best);
     trial.on = gains = *trial.with - best > kLeastGain;
     if (gains) {

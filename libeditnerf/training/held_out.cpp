@@ -42,6 +42,14 @@ HeldOut::HeldOut(const Scene& scene, int64_t num_rays, torch::Device device) : s
   rays_ = TrainingRays(scene, scene.val, device).Sample(num_rays);
 }
 
+HeldOut::HeldOut(const Scene& scene, const torch::Tensor& pixels, int64_t num_rays, torch::Device device)
+    : scene_(scene), device_(device) {
+  if (scene.val.empty() || pixels.size(0) == 0) return;
+  const GeneratorGuard guard(kSeed);
+  const torch::Tensor chosen = torch::randperm(pixels.size(0)).slice(0, 0, num_rays);
+  rays_ = TrainingRays(scene, scene.val, device).Through(pixels.cpu().index_select(0, chosen).to(device));
+}
+
 std::optional<double> HeldOut::Psnr(RadianceField& field, RayRenderer& renderer) const {
   if (!rays_) return std::nullopt;
   const torch::NoGradGuard no_grad;

@@ -22,7 +22,10 @@ class HeldOut {
  public:
   HeldOut(const Scene& scene, int64_t num_rays, torch::Device device);
 
-  // Decibels; empty for a scene without validation frames. Leaves the random generators alone.
+  // Only rays through these pixels [P] int64, counted through the validation frames; as many as there are, if fewer.
+  HeldOut(const Scene& scene, const torch::Tensor& pixels, int64_t num_rays, torch::Device device);
+
+  // Decibels; empty for a scene without validation frames, or without pixels. Leaves the random generators alone.
   std::optional<double> Psnr(RadianceField& field, RayRenderer& renderer) const;
 
  private:

@@ -103,6 +103,29 @@ TEST_CASE("what a scene needs of the field is tried, and what is forced is not")
   CHECK(ToJson(trials).at("field.use_appearance").at("with") == *appearance.with);
 }
 
+TEST_CASE("local frames are judged where a part is seen that turns") {
+  const Scene& scene = TinyScene();
+  DetectedKeyPoints detected;
+  detected.tracks = TrueTracks(scene);
+  detected.turns = torch::zeros_like(detected.tracks);
+  detected.part_depth = TwoOnTheLid(scene).part_depth;
+  detected.part_depth.key_point.zero_();
+  detected.part_depth.frame.fill_(LocateInTime(scene, scene.val[0]).before);
+  Config config = AllOpen(5);
+  config.field.use_view_direction = Choice::kOff;
+  const auto trials = [&] { return DecideComponents(scene, Request(config), detected); };
+  const ComponentTrials on_parts = trials();
+  const ComponentTrial& frames = Of(on_parts, "field.fast.local_frames");
+  REQUIRE(frames.with.has_value());
+  CHECK_THAT(frames.reason, HasText("where parts are seen"));
+  CHECK(frames.on == (*frames.with - *frames.without > 0.3));
+  // The same trainings, other pixels.
+  const ComponentTrial& appearance = Of(on_parts, "field.use_appearance");
+  if (!frames.on) CHECK(*appearance.without != *frames.without);
+  detected.part_depth.key_point.fill_(kNotCarried);
+  CHECK(*Of(trials(), "field.fast.local_frames").without != *frames.without);
+}
+
 TEST_CASE("appearance codes are there where the light changes, and nowhere else") {
   const Config config = AllOpen(120);
   const Scene still = SmallScene("static", 8, 32), brightening = Brightening();
