@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/logging.h"
@@ -112,9 +113,9 @@ Meeting Carry(const Scene& scene, int64_t from, int64_t to, int label, const tor
 }  // namespace
 
 TEST_CASE("synthetic scenes are known by their names") {
-  CHECK(SyntheticSceneNames() == std::vector<std::string>{"hinge", "keys", "cups", "cabinet", "static"});
+  CHECK(SyntheticSceneNames() == std::vector<std::string>{"hinge", "keys", "cups", "cabinet", "static", "medley"});
   CHECK_THROWS_WITH(MakeSyntheticScene("cubs", {}),
-                    "no synthetic scene is named 'cubs'; known are hinge, keys, cups, cabinet, static");
+                    "no synthetic scene is named 'cubs'; known are hinge, keys, cups, cabinet, static, medley");
   CHECK_THROWS_AS(MakeSyntheticScene("cubs", {}), ConfigError);
   SyntheticOptions options;
   options.frames = 1;
@@ -264,6 +265,35 @@ TEST_CASE("the static scene has no moving parts") {
   CHECK(scene.truth->objects.empty());
   CHECK(scene.truth->mask.max().item<int>() == 0);
   CHECK(scene.truth->scene_from_object.sizes() == torch::IntArrayRef({19, 0, 4, 4}));
+}
+
+TEST_CASE("every seed makes a medley of its own, of one to three parts that stay apart and move") {
+  SyntheticOptions options;
+  options.frames = 40;
+  options.val_frames = options.edit_frames = 0;
+  options.width = 32;
+  options.height = 18;
+  options.samples_per_side = 1;
+  std::set<std::vector<std::string>> casts;
+  std::set<std::string> motions;
+  for (options.seed = 1; options.seed <= 12; ++options.seed) {
+    INFO(options.seed);
+    const Scene scene = MakeSyntheticScene("medley", options);
+    const std::vector<std::string>& parts = scene.truth->objects;
+    REQUIRE(parts.size() >= 1);
+    REQUIRE(parts.size() <= 3);
+    casts.insert(parts);
+    for (size_t k = 0; k < parts.size(); ++k) {
+      INFO(parts[k]);
+      motions.insert(parts[k].substr(7));
+      const auto poses = scene.truth->scene_from_object.select(1, static_cast<int64_t>(k));
+      CHECK((poses - poses[0]).abs().flatten(1).amax(1).max().item<double>() > 0.03);
+      const auto seen = (scene.truth->mask == static_cast<int64_t>(k + 1)).flatten(1).any(1);
+      CHECK(seen.sum().item<int64_t>() > 20);
+    }
+  }
+  CHECK(casts.size() > 6);
+  CHECK(motions == std::set<std::string>{"rises", "roams", "slides", "turns"});
 }
 
 TEST_CASE("a key sinks exactly while the hammer presses it") {

@@ -25,6 +25,7 @@ Play KeysPlay();
 Play CupsPlay();
 Play CabinetPlay();
 Play StaticPlay();
+Play MedleyPlay(uint64_t seed);  // another one for every seed
 
 // The floor and the curved backdrop behind it, so that every pixel sees something; strongly and never equally textured.
 Body Studio(const Vec3& floor_color, const Vec3& wall_color);

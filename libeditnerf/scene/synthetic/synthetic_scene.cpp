@@ -24,10 +24,15 @@ constexpr uint64_t kEditCameras = 100000;  // numbers of novel cameras that vali
 
 struct NamedPlay {
   const char* name;
-  Play (*make)();
+  Play (*make)(uint64_t seed);
 };
-constexpr NamedPlay kPlays[] = {
-    {"hinge", HingePlay}, {"keys", KeysPlay}, {"cups", CupsPlay}, {"cabinet", CabinetPlay}, {"static", StaticPlay}};
+template <Play (*make)()>
+Play Whatever(uint64_t /*seed*/) {
+  return make();
+}
+constexpr NamedPlay kPlays[] = {{"hinge", Whatever<HingePlay>},   {"keys", Whatever<KeysPlay>},
+                                {"cups", Whatever<CupsPlay>},     {"cabinet", Whatever<CabinetPlay>},
+                                {"static", Whatever<StaticPlay>}, {"medley", MedleyPlay}};
 
 // What one frame shows.
 struct Shot {
@@ -125,7 +130,7 @@ Scene MakeSyntheticScene(const std::string& name, const SyntheticOptions& option
   if (found == std::end(kPlays)) {
     Throw<ConfigError>("no synthetic scene is named '{}'; known are {}", name, fmt::join(SyntheticSceneNames(), ", "));
   }
-  const Play play = found->make();
+  const Play play = found->make(options.seed);
   const std::vector<Shot> shots = PlanShots(play, options);
   const auto count = static_cast<int64_t>(shots.size());
   const int64_t height = options.height, width = options.width, pixels = height * width;

@@ -17,7 +17,7 @@ struct SyntheticOptions {
   int64_t slide_frames = 0;           // edit frames as well, the last ones: one part on a line, seen by one camera
   int64_t width = 320, height = 180;  // pixels, >= 8
   int64_t samples_per_side = 4;       // antialiasing grid per pixel side, 1..16; flat pixels take fewer
-  uint64_t seed = 0;                  // of the camera's wandering, the edits and the shadows' noise
+  uint64_t seed = 0;                  // of the camera's wandering, the edits, the shadows' noise, and all of a medley
 };
 
 // "hinge": a chest whose lid turns on a hinge; object "lid".
@@ -27,6 +27,8 @@ struct SyntheticOptions {
 // "cabinet": a door that turns, a drawer that slides, and a lantern that rises behind them; objects "door", "drawer",
 //   "lantern".
 // "static": nothing moves; no objects.
+// "medley": one to three parts drawn by lot from the seed; objects "part_0_slides" and the like, or roams, rises,
+// turns.
 std::vector<std::string> SyntheticSceneNames();
 
 // A complete scene with truth and background points. Frame ids are six digits; training frames come first, then
