@@ -20,19 +20,21 @@
 namespace editnerf {
 namespace {
 
-constexpr int64_t kRays = 16384;       // held-out pixels
-constexpr uint64_t kSeed = 1;          // of every trial, so that they differ by the component alone
-constexpr double kLeastGain = 0.2;     // dB; runs of the same settings differ by 0.1
-constexpr double kLeastOfParts = 0.3;  // dB, over the fewer pixels where parts are seen
-constexpr double kMostShare = 0.15;    // of a stage's seconds that trials may take
-constexpr int64_t kMostAmbient = 4;    // ambient coordinates that are tried
+constexpr int64_t kRays = 16384;     // held-out pixels
+constexpr uint64_t kSeed = 1;        // of every trial, so that they differ by the component alone
+constexpr double kLeastGain = 0.2;   // dB; runs of the same settings differ by 0.1
+constexpr double kMostLoss = 0.3;    // dB, of what detection found, where parts are seen
+constexpr double kMostShare = 0.15;  // of a stage's seconds that trials may take
+constexpr int64_t kMostAmbient = 4;  // ambient coordinates that are tried
 
 struct Component {
   const char* setting;
   Choice* choice;
   bool undecided;        // what it is where it is not tried
   std::string needless;  // why nothing has to be tried
-  bool of_parts;         // changes nothing but what moves
+  bool of_parts;         // found by detection, and changes nothing but what moves
+
+  double LeastGain() const { return of_parts ? -kMostLoss : kLeastGain; }
 };
 
 // Held-out PSNR in dB.
@@ -200,9 +202,9 @@ class Decisions {
       const Measured with = Try(decided_.merged);
       trial.without = best_.Of(component);
       trial.with = with.Of(component);
-      const double gain = *trial.with - *trial.without, least = component.of_parts ? kLeastOfParts : kLeastGain;
-      trial.reason = GainText(gain, least) + (component.of_parts ? " where parts are seen" : "");
-      trial.on = gain > least;
+      const double gain = *trial.with - *trial.without;
+      trial.reason = GainText(gain, component.LeastGain()) + (component.of_parts ? " where parts are seen" : "");
+      trial.on = gain > component.LeastGain();
       if (trial.on) best_ = with;
     }
     *component.choice = trial.on ? Choice::kOn : Choice::kOff;

@@ -2,10 +2,10 @@
 // key points of one part, are decided by short trainings, compared on pixels of the validation frames.
 //
 // The field begins with none of the components. One after the other is added, trained for some hundred steps, and stays
-// where it gains more than runs of the same settings differ by; local frames on pixels where parts are seen that move,
-// as they change nothing else. So what nobody misses costs nothing, neither time nor the freedom to explain a picture
-// by something that is not there. Key points come first: one that moves as another one does stays only where it gains
-// as much.
+// where it gains more than runs of the same settings differ by. So what nobody misses costs nothing, neither time nor
+// the freedom to explain a picture by something that is not there. Local frames are another matter: detection has
+// weighed turns against none already, and they change nothing but what moves. So they stay, unless pixels where parts
+// are seen lose by them. Key points come first: one that moves as another one does stays only where it gains.
 #pragma once
 
 #include <filesystem>
