@@ -8,6 +8,25 @@ namespace {
 
 constexpr double kUnit = 2.5;  // pixels at 320 wide
 
+struct StillCost {
+  Vec3 point;
+  double cost = INFINITY;  // over all sightings
+};
+
+StillCost LeastCost(const Clip& clip, const std::vector<Sighting>& sightings, const Sighting& through,
+                    const DepthRange& range) {
+  constexpr int kTrials = 40;
+  StillCost least;
+  for (int i = 0; i < kTrials; ++i) {
+    const double distance = 1 / (1 / range.far + (1 / range.near - 1 / range.far) * i / (kTrials - 1));
+    const Vec3 held = clip.Lift(through.frame, through.pixel, distance);
+    double cost = 0;
+    for (const Sighting& sighting : sightings) cost += CostOf(clip, held, sighting);
+    if (cost < least.cost) least = {held, cost};
+  }
+  return least;
+}
+
 }  // namespace
 
 double CostOf(const Clip& clip, const Vec3& place, const Sighting& seen) {
@@ -18,17 +37,16 @@ double CostOf(const Clip& clip, const Vec3& place, const Sighting& seen) {
 }
 
 double CostOfStillness(const Clip& clip, const std::vector<Sighting>& sightings, const DepthRange& range) {
-  constexpr int kTrials = 40;
-  const Sighting& middle = sightings[sightings.size() / 2];
-  double least = INFINITY;
-  for (int i = 0; i < kTrials; ++i) {
-    const double distance = 1 / (1 / range.far + (1 / range.near - 1 / range.far) * i / (kTrials - 1));
-    const Vec3 held = clip.Lift(middle.frame, middle.pixel, distance);
-    double cost = 0;
-    for (const Sighting& sighting : sightings) cost += CostOf(clip, held, sighting);
-    least = std::min(least, cost);
-  }
-  return least / static_cast<double>(sightings.size());
+  return LeastCost(clip, sightings, sightings[sightings.size() / 2], range).cost /
+         static_cast<double>(sightings.size());
+}
+
+Vec3 StillestPoint(const Clip& clip, const std::vector<Sighting>& sightings, const DepthRange& range) {
+  constexpr size_t kSamples = 16;
+  std::vector<Sighting> some;
+  const size_t stride = std::max<size_t>(1, sightings.size() / kSamples);
+  for (size_t i = 0; i < sightings.size(); i += stride) some.push_back(sightings[i]);
+  return LeastCost(clip, some, some[some.size() / 2], range).point;
 }
 
 }  // namespace editnerf

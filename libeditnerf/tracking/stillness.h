@@ -18,7 +18,11 @@ struct Sighting {
 constexpr double kMostCost = 16;
 double CostOf(const Clip& clip, const Vec3& place, const Sighting& seen);
 
-// The mean over the sightings, at least one, for the static point within the range (scene units) that costs least.
+// The static point on the ray of the sighting in the middle, within the range (scene units), that costs least over some
+// of the sightings, at least one.
+Vec3 StillestPoint(const Clip& clip, const std::vector<Sighting>& sightings, const DepthRange& range);
+
+// The mean over the sightings for the static point on that ray that costs least over all of them.
 double CostOfStillness(const Clip& clip, const std::vector<Sighting>& sightings, const DepthRange& range);
 
 // From this cost on something moves. What is static but badly followed costs up to 3.9 on the synthetic scenes.

@@ -280,7 +280,7 @@ TEST_CASE("every seed makes a medley of its own, of one to three parts that stay
     INFO(options.seed);
     const Scene scene = MakeSyntheticScene("medley", options);
     const std::vector<std::string>& parts = scene.truth->objects;
-    REQUIRE(parts.size() >= 1);
+    REQUIRE(!parts.empty());
     REQUIRE(parts.size() <= 3);
     casts.insert(parts);
     for (size_t k = 0; k < parts.size(); ++k) {

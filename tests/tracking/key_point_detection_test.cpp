@@ -1,5 +1,7 @@
 #include "libeditnerf/tracking/key_point_detection.h"
 
+#include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "libeditnerf/base/error.h"
@@ -73,6 +75,25 @@ TEST_CASE("two parts that move independently get one key point each") {
     if (part >= 0) CHECK(TrackError(detection, n, spheres[static_cast<size_t>(part)]) < 0.06);
   }
   CHECK(parts == std::set<int64_t>{0, 1});
+}
+
+TEST_CASE("a part that rests nearly all the time is found where it goes away and comes back") {
+  constexpr int64_t kFrames = 40;
+  Sphere sphere = Resting({0, 0, 0.2});
+  sphere.center = [](int64_t t) {
+    const double way = std::clamp(1 - std::abs(static_cast<double>(t) - 20) / 4, 0.0, 1.0);
+    return Vec3{0.4 * way - 0.2, 0.1 * way, 0.2};
+  };
+  ClipOptions options;
+  options.frames = kFrames;
+  const MovingSpheres clip = RenderMovingSpheres({sphere}, options);
+  DetectionConfig config = SmallConfig();
+  config.rigid_parts = true;
+  const Detection detection = Detect(clip, config);
+  for (const auto& note : detection.notes) UNSCOPED_INFO(note);
+  REQUIRE(detection.count() == 1);
+  CHECK(clip.PartAt(detection.reference_frame[0], RowOf(detection.reference, 0)) == 0);
+  CHECK(TrackError(detection, 0, sphere) < 0.05);
 }
 
 TEST_CASE("a static scene gets no key point and a note that says so") {
