@@ -15,20 +15,21 @@ namespace editnerf {
 namespace {
 
 constexpr int kMostSeeds = 16;
-constexpr int kMostInVain = 4;        // seeds in a row that give nothing that weighs
-constexpr double kLeastWeight = 0.1;  // of the heaviest part's; a small part beside a large one has a fifth
-constexpr double kNear = 4;           // cost of what lies where the part is
-constexpr double kFewestInFrame = 4;  // pixels of a part that say where it is in a frame
-constexpr double kMostAway = 0.85;    // share of them that are once far from where they would stand still,
-constexpr double kOftenAway = 0.5;    // and in a twentieth of the frames; slips reach 0.65, or 0.9 once and 0.3
-constexpr double kLeastMotion = 2;    // pixels at 320 wide, over a few frames, that tell what moves as what
-constexpr double kSameMotion = 0.4;   // share of it by which the other's may differ
-constexpr double kSameShare = 0.2;    // of the places that move; parts of their own lie below 0.1
-constexpr double kCrowd = 10;         // pixels at 320 wide around a seed in which tracks are counted
-constexpr int64_t kMostFrames = 40;   // that a track counts for
-constexpr double kSurround = 20;      // pixels at 320 wide within which a pixel must be surrounded by its part
-constexpr double kWidestGap = 2.6;    // radians without a neighbour
-constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track
+constexpr int kMostInVain = 4;           // seeds in a row that give nothing that weighs
+constexpr double kLeastWeight = 0.1;     // of the heaviest part's; a small part beside a large one has a fifth
+constexpr double kNear = 4;              // cost of what lies where the part is
+constexpr double kFewestInFrame = 4;     // pixels of a part that say where it is in a frame
+constexpr size_t kFewestOfResting = 12;  // points of a part that rests nearly all the time
+constexpr double kMostAway = 0.85;       // share of them that are once far from where they would stand still,
+constexpr double kOftenAway = 0.5;       // and in a twentieth of the frames; slips reach 0.65, or 0.9 once and 0.3
+constexpr double kLeastMotion = 2;       // pixels at 320 wide, over a few frames, that tell what moves as what
+constexpr double kSameMotion = 0.4;      // share of it by which the other's may differ
+constexpr double kSameShare = 0.2;       // of the places that move; parts of their own lie below 0.1
+constexpr double kCrowd = 10;            // pixels at 320 wide around a seed in which tracks are counted
+constexpr int64_t kMostFrames = 40;      // that a track counts for
+constexpr double kSurround = 20;         // pixels at 320 wide within which a pixel must be surrounded by its part
+constexpr double kWidestGap = 2.6;       // radians without a neighbour
+constexpr double kSlack = 2.5;           // pixels at 320 wide between a part's point and its track
 constexpr int kAlignments = 4, kSearches = 4,
               kAlignedIterations = 80;  // slow drift of all frames is what is solved for at last
 constexpr double kAlignedPixels = 0.4;  // standard deviation at 320 wide
@@ -112,11 +113,13 @@ GainOverStillness GainOf(const Clip& clip, const std::vector<FlowTrack>& tracks,
 }
 
 // A part that rests most of the time gains little on the mean, as slipped tracks of what is static do. But slips come
-// one by one: there is no time at which nearly all of it is far from where it would have to stand still.
-double GainWhereItMoves(const GainOverStillness& gain) {
+// one by one: there is no time at which nearly all of it is far from where it would have to stand still. It has to be
+// seen while it rests, too: a few points in a few frames are anything.
+double GainWhereItMoves(const GainOverStillness& gain, const RigidPart& part, size_t frames) {
   if (gain.each >= kLeastGain || gain.away.empty()) return gain.each;
+  const bool known = part.points.size() >= kFewestOfResting && 3 * SeenFrames(part).size() >= frames;
   const bool goes = Percentile(gain.away, 1) >= kMostAway && Percentile(gain.away, 0.95) >= kOftenAway;
-  return goes ? Percentile(gain.in_frame, 0.9) : gain.each;
+  return known && goes ? Percentile(gain.in_frame, 0.9) : gain.each;
 }
 
 MovingPart Weighed(const Clip& clip, const std::vector<FlowTrack>& tracks, RigidPart body, const DepthRange& range) {
@@ -124,7 +127,7 @@ MovingPart Weighed(const Clip& clip, const std::vector<FlowTrack>& tracks, Rigid
   part.range = RangePixels(clip, body);
   const GainOverStillness gain = GainOf(clip, tracks, body, range);
   part.gain = gain.all;
-  const double each = GainWhereItMoves(gain);
+  const double each = GainWhereItMoves(gain, body, clip.cameras.size());
   if (each >= kLeastGain) part.weight = part.gain * (each / kMostCost) * (each / kMostCost);
   part.body = std::move(body);
   return part;
