@@ -6,30 +6,24 @@
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/interrupt.h"
 #include "libeditnerf/base/logging.h"
-#include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/base/progress.h"
-#include "libeditnerf/tracking/stillness.h"
+#include "libeditnerf/tracking/part_gain.h"
 
 namespace editnerf {
 namespace {
 
 constexpr int kMostSeeds = 16;
-constexpr int kMostInVain = 4;           // seeds in a row that give nothing that weighs
-constexpr double kLeastWeight = 0.1;     // of the heaviest part's; a small part beside a large one has a fifth
-constexpr double kNear = 4;              // cost of what lies where the part is
-constexpr double kFewestInFrame = 4;     // pixels of a part that say where it is in a frame
-constexpr size_t kFewestOfResting = 12;  // points of a part that rests nearly all the time
-constexpr double kMostAway = 0.85;       // share of them that are once far from where they would stand still,
-constexpr double kOftenAway = 0.5;       // and in a twentieth of the frames; slips reach 0.65, or 0.9 once and 0.3
-constexpr double kLeastMotion = 2;       // pixels at 320 wide, over a few frames, that tell what moves as what
-constexpr double kSameMotion = 0.4;      // share of it by which the other's may differ
-constexpr double kSameShare = 0.2;       // of the places that move; parts of their own lie below 0.1
-constexpr double kCrowd = 10;            // pixels at 320 wide around a seed in which tracks are counted
-constexpr int64_t kMostFrames = 40;      // that a track counts for
-constexpr double kSurround = 20;         // pixels at 320 wide within which a pixel must be surrounded by its part
-constexpr double kWidestGap = 2.6;       // radians without a neighbour
-constexpr double kSlack = 2.5;           // pixels at 320 wide between a part's point and its track
+constexpr int kMostInVain = 4;        // seeds in a row that give nothing that weighs
+constexpr double kLeastWeight = 0.1;  // of the heaviest part's; a small part beside a large one has a fifth
+constexpr double kLeastMotion = 2;    // pixels at 320 wide, over a few frames, that tell what moves as what
+constexpr double kSameMotion = 0.4;   // share of it by which the other's may differ
+constexpr double kSameShare = 0.2;    // of the places that move; parts of their own lie below 0.1
+constexpr double kCrowd = 10;         // pixels at 320 wide around a seed in which tracks are counted
+constexpr int64_t kMostFrames = 40;   // that a track counts for
+constexpr double kSurround = 20;      // pixels at 320 wide within which a pixel must be surrounded by its part
+constexpr double kWidestGap = 2.6;    // radians without a neighbour
+constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track
 constexpr int kAlignments = 4, kSearches = 4,
               kAlignedIterations = 80;  // slow drift of all frames is what is solved for at last
 constexpr double kAlignedPixels = 0.4;  // standard deviation at 320 wide
@@ -55,80 +49,13 @@ double RangePixels(const Clip& clip, const RigidPart& part) {
   return Percentile(std::move(ranges), 0.5) * clip.cameras[0].focal_length / distance / clip.PixelScale();
 }
 
-// How much better the moving part explains what was seen of it than a static point for each of its tracks would.
-struct GainOverStillness {
-  double all = 0;   // over all pixels that were seen
-  double each = 0;  // of one, the mean
-  // Per frame in which enough is seen, ascending: the mean gain, and the share of pixels that are as far as can be
-  // from where a static point would be, and near to where the part is.
-  std::vector<double> in_frame, away;
-};
-
-GainOverStillness GainOf(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part,
-                         const DepthRange& range) {
-  struct Seen {
-    int64_t frame;
-    double still, moving;  // costs
-  };
-  std::vector<std::vector<Seen>> seen(part.points.size());
-  ParallelFor(static_cast<int64_t>(part.points.size()), 4, [&](int64_t begin, int64_t end) {
-    for (int64_t k = begin; k < end; ++k) {
-      const PartPoint& point = part.points[At(k)];
-      for (const size_t i : point.tracks) {
-        std::vector<Sighting> sightings;
-        for (int64_t t = tracks[i].first; t < tracks[i].end(); ++t)
-          if (part.seen[At(t)]) sightings.push_back({t, tracks[i].At(t)});
-        if (sightings.empty()) continue;
-        const Vec3 still = StillestPoint(clip, sightings, range);
-        for (const Sighting& sighting : sightings) {
-          const Vec3 place = part.Place(sighting.frame, ToVec3(point.position));
-          seen[At(k)].push_back({sighting.frame, CostOf(clip, still, sighting), CostOf(clip, place, sighting)});
-        }
-      }
-    }
-  });
-  struct Frame {
-    double gain = 0, away = 0, count = 0;
-  };
-  std::vector<Frame> frames(clip.cameras.size());
-  GainOverStillness gain;
-  double count = 0;
-  for (const std::vector<Seen>& of_point : seen) {
-    for (const Seen& one : of_point) {
-      Frame& frame = frames[At(one.frame)];
-      frame.gain += one.still - one.moving;
-      frame.away += one.still >= kMostCost && one.moving < kNear ? 1 : 0;
-      frame.count += 1;
-    }
-  }
-  for (const Frame& frame : frames) {
-    gain.all += frame.gain;
-    count += frame.count;
-    if (frame.count < kFewestInFrame) continue;
-    gain.in_frame.push_back(frame.gain / frame.count);
-    gain.away.push_back(frame.away / frame.count);
-  }
-  gain.each = count > 0 ? gain.all / count : 0;
-  return gain;
-}
-
-// A part that rests most of the time gains little on the mean, as slipped tracks of what is static do. But slips come
-// one by one: there is no time at which nearly all of it is far from where it would have to stand still. It has to be
-// seen while it rests, too: a few points in a few frames are anything.
-double GainWhereItMoves(const GainOverStillness& gain, const RigidPart& part, size_t frames) {
-  if (gain.each >= kLeastGain || gain.away.empty()) return gain.each;
-  const bool known = part.points.size() >= kFewestOfResting && 3 * SeenFrames(part).size() >= frames;
-  const bool goes = Percentile(gain.away, 1) >= kMostAway && Percentile(gain.away, 0.95) >= kOftenAway;
-  return known && goes ? Percentile(gain.in_frame, 0.9) : gain.each;
-}
-
 MovingPart Weighed(const Clip& clip, const std::vector<FlowTrack>& tracks, RigidPart body, const DepthRange& range) {
   MovingPart part;
   part.range = RangePixels(clip, body);
-  const GainOverStillness gain = GainOf(clip, tracks, body, range);
+  const PartGain gain = GainOverStillness(clip, tracks, body, range);
   part.gain = gain.all;
-  const double each = GainWhereItMoves(gain, body, clip.cameras.size());
-  if (each >= kLeastGain) part.weight = part.gain * (each / kMostCost) * (each / kMostCost);
+  const double share = gain.moving / kMostCost;
+  if (gain.moving >= kLeastGain) part.weight = gain.all * share * share;
   part.body = std::move(body);
   return part;
 }

@@ -13,7 +13,7 @@ struct MovingPart {
   RigidPart body;
   double range = 0;   // pixels at 320 wide: how far its points go, seen from their median place
   double gain = 0;    // by how much it explains its pixels better than static points do: costs (stillness.h), summed
-  double weight = 0;  // the gain times the square of its mean: fits to slipped tracks gain little in many places
+  double weight = 0;  // the gain times the square of that of one pixel where the part moves (part_gain.h)
 };
 
 struct MovingParts {
