@@ -22,7 +22,7 @@ namespace editnerf {
 struct ComponentTrial {
   std::string setting;                  // "field.use_view_direction", "key point 3"
   bool on = false;                      // what was decided
-  std::optional<double> without, with;  // held-out PSNR in dB; empty: not tried
+  std::optional<double> without, with;  // held-out PSNR in dB, of local frames where parts are seen; empty: not tried
   std::string reason;                   // "+0.41 dB", "no part turns"
   std::optional<int64_t> merged_into;   // of a detected key point that is not on: the one that stands for it, from 0
 };

@@ -79,8 +79,9 @@ PartGain GainOverStillness(const Clip& clip, const std::vector<FlowTrack>& track
     means.gain.push_back(frame.gain / frame.count);
     means.away.push_back(frame.away / frame.count);
   }
-  gain.each = gain.moving = count > 0 ? gain.all / count : 0;
-  if (gain.each < kLeastGain && !means.away.empty() && GoesAway(means, part)) gain.moving = Percentile(means.gain, 0.9);
+  gain.moving = count > 0 ? gain.all / count : 0;
+  if (gain.moving < kLeastGain && !means.away.empty() && GoesAway(means, part))
+    gain.moving = Percentile(means.gain, 0.9);
   return gain;
 }
 

@@ -11,12 +11,11 @@ namespace editnerf {
 
 // Over static points, the best for each of the part's tracks, in costs (stillness.h).
 struct PartGain {
-  double all = 0;   // summed over all pixels that were seen
-  double each = 0;  // of one pixel, the mean
-  // Of one pixel where it moves: the mean over all, as fits to slipped tracks gain little in many places. Of a part
-  // that rests nearly all the time it is that of the frames in which it gains most, as on the mean it gains as little.
-  // What tells it from slips is that these come one by one: there is no time at which nearly all of it is far from
-  // where it would have to stand still.
+  double all = 0;  // summed over all pixels that were seen
+  // Of one pixel where the part moves: the mean over all, as fits to slipped tracks gain little in many places. Of a
+  // part that rests nearly all the time it is that of the frames in which it gains most, as on the mean it gains as
+  // little. What tells it from slips is that these come one by one: there is no time at which nearly all of it is far
+  // from where it would have to stand still.
   double moving = 0;
 };
 

@@ -267,7 +267,7 @@ TEST_CASE("the static scene has no moving parts") {
   CHECK(scene.truth->scene_from_object.sizes() == torch::IntArrayRef({19, 0, 4, 4}));
 }
 
-TEST_CASE("every seed makes a medley of its own, of one to three parts that stay apart and move") {
+TEST_CASE("every seed makes a medley of its own, of one to three parts that move and are seen") {
   SyntheticOptions options;
   options.frames = 40;
   options.val_frames = options.edit_frames = 0;
