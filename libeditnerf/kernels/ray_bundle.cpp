@@ -11,9 +11,10 @@ namespace editnerf {
 namespace {
 
 // Rays that are marched side by side, and samples of each that are asked for at a time: one tile together. Few at a
-// time, as all that a ray is asked for behind its end is in vain.
+// time, as all that a ray is asked for behind its end is in vain; but more once the last rays of a bundle alone are
+// left, as a tile with few samples costs nearly as much as a full one.
 constexpr int64_t kActive = 42;
-constexpr int64_t kWave = 3;
+constexpr int64_t kWave = 3, kLastWave = 16;
 static_assert(kActive * kWave <= kTile);
 // Of rays with many steps fewer are marched at a time: if nothing stops them, this many samples fill a bundle.
 constexpr int64_t kMostSamples = 8192;
@@ -65,8 +66,9 @@ void RayBundle::AskForSamples(const BundledRays& rays) {
   float *const t = wave_.memory.Row(rows_.t), *const slot = wave_.memory.Row(rows_.slot);
   float* const x = wave_.memory.Row(rows_.x);
   int64_t count = 0;
+  const int64_t each = std::clamp(kTile / static_cast<int64_t>(active_.size()), kWave, kLastWave);
   for (Active& ray : active_) {
-    for (ray.asked = 0; ray.asked < kWave; ++ray.asked, ++count) {
+    for (ray.asked = 0; ray.asked < each; ++ray.asked, ++count) {
       float position[3];
       if (ray.cursor.Next(&t[count], position) < 0) {
         ray.done = true;
