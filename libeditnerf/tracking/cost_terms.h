@@ -31,4 +31,15 @@ struct AnchorTerm {
   }
 };
 
+// | a |^2 - 1, for directions.
+struct UnitLengthTerm {
+  double weight;
+
+  template <class T>
+  bool operator()(const T* axis, T* residual) const {
+    residual[0] = T(weight) * (axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2] - T(1));
+    return true;
+  }
+};
+
 }  // namespace editnerf

@@ -85,8 +85,8 @@ class HingeSearch {
       moved += Place(lost_[next], hinge_->angle[At(beside)], anywhere[next]) ? 1 : 0;
       settled[At(lost_[next])] = true;
     }
-    LogDebug("moving parts: hardly seen on its hinge in {} of {} frames, found elsewhere in {} of them", lost_.size(),
-             seen_.size(), moved);
+    LogDebug("moving parts: hardly or not seen on its hinge in {} of {} frames, found in {} of them", lost_.size(),
+             clip_.num_frames(), moved);
     return moved;
   }
 
@@ -100,8 +100,12 @@ class HingeSearch {
     });
     std::vector<double> counts;
     for (const int64_t t : seen_) counts.push_back(static_cast<double>(found_[At(t)]));
-    const double least = kLostShare * Percentile(counts, 0.5);
-    for (const int64_t t : seen_) (static_cast<double>(found_[At(t)]) < least ? lost_ : known_).push_back(t);
+    if (counts.empty()) return false;
+    least_ = kLostShare * Percentile(counts, 0.5);
+    for (const int64_t t : seen_)
+      if (static_cast<double>(found_[At(t)]) >= least_) known_.push_back(t);
+    for (int64_t t = 0; t < clip_.num_frames(); ++t)
+      if (static_cast<double>(found_[At(t)]) < least_) lost_.push_back(t);
     // The reference frame has its pose by definition, and so it has to be one of those that are known.
     if (!known_.empty() && std::find(known_.begin(), known_.end(), part_->reference) == known_.end()) {
       *part_ = ReferredTo(*part_, *std::max_element(known_.begin(), known_.end(), [&](int64_t a, int64_t b) {
@@ -138,9 +142,16 @@ class HingeSearch {
     const auto score = [&](double angle, int64_t found) {
       return static_cast<double>(found) * (std::abs(angle - beside) <= kNear ? kNearCounts : 1);
     };
-    hinge_->angle[At(t)] = now;
+    hinge_->angle[At(t)] = part_->seen[At(t)] ? now : beside;
     const Sight near = Best(t, beside - kNear, beside + kNear);
     const Sight& best = score(near.angle, near.found) >= score(anywhere.angle, anywhere.found) ? near : anywhere;
+    if (!part_->seen[At(t)]) {
+      part_->seen[At(t)] = static_cast<double>(best.found) >= std::max(least_, static_cast<double>(kLeastFound));
+      if (!part_->seen[At(t)]) return false;
+      hinge_->angle[At(t)] = best.angle;
+      SetPoses(*hinge_, {t}, part_);
+      return true;
+    }
     if (best.found < kLeastFound) {
       part_->seen[At(t)] = found_[At(t)] >= kLeastFound;
       return false;
@@ -158,7 +169,8 @@ class HingeSearch {
   RigidPart* part_;
   std::vector<PointPatch> patches_;
   std::vector<int64_t> seen_, known_, lost_;
-  std::vector<int64_t> found_;  // T, where the part was
+  std::vector<int64_t> found_;  // T, where the part was; 0 in frames that do not see it
+  double least_ = 0;            // of them, in a frame that is known
   std::optional<Hinge> hinge_;
   double low_ = INFINITY, high_ = -INFINITY;
 };
@@ -173,16 +185,7 @@ void FillAngles(RigidPart* part) {
   const std::vector<int64_t> seen = SeenFrames(*part);
   std::optional<Hinge> hinge = NearestHinge(*part, seen);
   if (!hinge) return;
-  std::vector<int64_t> others;
-  for (int64_t t = 0; t < static_cast<int64_t>(part->pose.size()); ++t) {
-    if (part->seen[At(t)]) continue;
-    others.push_back(t);
-    const auto after = std::upper_bound(seen.begin(), seen.end(), t);
-    const int64_t b = after == seen.end() ? seen.back() : *after, a = after == seen.begin() ? b : *(after - 1);
-    const double share = b > a ? static_cast<double>(t - a) / static_cast<double>(b - a) : 0;
-    hinge->angle[At(t)] = (1 - share) * hinge->angle[At(a)] + share * hinge->angle[At(b)];
-  }
-  SetPoses(*hinge, others, part);
+  SetPoses(*hinge, FillBetween(*part, &hinge->angle), part);
 }
 
 }  // namespace editnerf

@@ -17,11 +17,9 @@ size_t At(int64_t i) { return static_cast<size_t>(i); }
 void Describe(const Clip& clip, const MovingParts& moving, Detection* detection) {
   for (const MovingPart& part : moving.parts) {
     detection->notes.push_back(fmt::format(
-        "a rigid part with {} points, seen at {} pixels in {} of {} frames, goes {:.0f} pixels at 320 wide{}",
+        "a rigid part with {} points, seen at {} pixels in {} of {} frames, goes {:.0f} pixels at 320 wide {}",
         part.body.points.size(), part.body.observations, SeenFrames(part.body).size(), clip.num_frames(), part.range,
-        part.body.hinged  ? " on a hinge"
-        : part.body.turns ? " and turns"
-                          : ""));
+        NameOf(part.body.motion)));
   }
 }
 

@@ -9,6 +9,7 @@
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/base/progress.h"
 #include "libeditnerf/tracking/part_gain.h"
+#include "libeditnerf/tracking/part_motion.h"
 
 namespace editnerf {
 namespace {
@@ -24,12 +25,7 @@ constexpr int64_t kMostFrames = 40;   // that a track counts for
 constexpr double kSurround = 20;      // pixels at 320 wide within which a pixel must be surrounded by its part
 constexpr double kWidestGap = 2.6;    // radians without a neighbour
 constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track
-constexpr int kAlignments = 4, kSearches = 4,
-              kAlignedIterations = 80;  // slow drift of all frames is what is solved for at last
-constexpr double kAlignedPixels = 0.4;  // standard deviation at 320 wide
-constexpr double kTurnsCost = 1.3;      // times the mean miss, where turns are needless; 2 where they are not
-constexpr double kAlignedShape = 0.5;   // PartSolverOptions::shape, where the tracks tell it
-constexpr float kTolerance = 0.01F;     // share of the distance
+constexpr float kTolerance = 0.01F;   // share of the distance
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
 
@@ -98,37 +94,6 @@ class Crowds {
   std::vector<bool> spent_;
 };
 
-// The part without the drift of chained flow. Several times, as its own drift bends what patches are expected to look
-// like, and from where they are looked for.
-RigidPart Aligned(const Clip& clip, const RigidPart& part, const DepthRange& range, std::vector<FlowTrack>* tracks) {
-  PartSolverOptions options;
-  options.flow_pixels = kAlignedPixels;
-  options.shape = kAlignedShape;
-  options.iterations = kAlignedIterations;
-  PartFit fit(clip, *tracks, options, range);
-  fit.GoOn(part);
-  Progress progress("alignment", part.turns && !part.hinged ? 2 * kAlignments : kAlignments);
-  int done = 0;
-  bool hinged = part.hinged;
-  const auto align = [&](int rounds) {
-    for (int round = 0; round < rounds; ++round) {
-      if (InterruptRequested()) Throw<Interrupted>("interrupted while moving parts were aligned");
-      progress.Update(done++);
-      if (!fit.Align(tracks)) break;
-      if (!hinged) fit.Settle();
-    }
-  };
-  align(kAlignments);
-  // Without drift, motion that is simpler has another chance: turns are what drift looks like as well.
-  if (part.turns && !hinged && (fit.LeaveOutTurns(kTurnsCost) || (hinged = fit.PutOnHinge()))) {
-    LogDebug("moving parts: {} explains it as well, once aligned", hinged ? "a hinge" : "motion without turns");
-    align(kAlignments);
-  }
-  for (int search = 0; search < kSearches && fit.FindLost(); ++search) align(1);
-  progress.Finish();
-  return fit.Finished();
-}
-
 // Whether neighbours lie on all sides.
 bool Surrounded(const Pixel& p, const std::vector<Pixel>& others, double reach) {
   std::vector<double> angles;
@@ -196,12 +161,10 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
     if (!body) continue;
     MovingPart part = Weighed(clip, found.tracks, std::move(*body), range);
     LogDebug(
-        "moving parts: {} points, {} pixels in {} frames, goes {:.0f} pixels at 320 wide; gain {:.0f}, weight {:.0f}{}",
-        part.body.points.size(), part.body.observations, SeenFrames(part.body).size(), part.range, part.gain,
-        part.weight,
-        part.body.hinged  ? ", hinged"
-        : part.body.turns ? ", turns"
-                          : "");
+        "moving parts: {} points, {} pixels in {} frames, goes {:.0f} pixels at 320 wide {}; gain {:.0f}, weight "
+        "{:.0f}",
+        part.body.points.size(), part.body.observations, SeenFrames(part.body).size(), part.range,
+        NameOf(part.body.motion), part.gain, part.weight);
     if (!(part.weight > 0)) continue;
     if (part.weight > kLeastWeight * heaviest) in_vain = 0;
     if (part.weight > heaviest) {
@@ -221,7 +184,7 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
     if (!again && part.weight >= kLeastWeight * heaviest) own.push_back(std::move(part));
   }
   found.parts = std::move(own);
-  for (MovingPart& part : found.parts) part.body = Aligned(clip, part.body, range, &found.tracks);
+  for (MovingPart& part : found.parts) part.body = FollowByLooks(clip, part.body, range, &found.tracks);
   return found;
 }
 

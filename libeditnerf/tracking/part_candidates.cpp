@@ -109,7 +109,7 @@ Candidate ToCandidate(const Clip& clip, const MovingParts& moving, const MovingP
   const Vec3 position = ToVec3(point.position);
   const int64_t frames = clip.num_frames(), reference = view.ReferenceFrame(point);
   Candidate candidate;
-  if (part.body.turns) candidate.turns = TurnsOf(part.body);
+  if (part.body.turns()) candidate.turns = TurnsOf(part.body);
   candidate.maximum.value = part.weight;
   candidate.maximum.point = part.body.Place(reference, position);
   candidate.pixels.reference_frame = reference;

@@ -7,7 +7,9 @@
 #include <cmath>
 #include <optional>
 
+#include "libeditnerf/tracking/cost_terms.h"
 #include "libeditnerf/tracking/flow_tracks.h"
+#include "libeditnerf/tracking/part_solver.h"
 
 namespace editnerf {
 
@@ -40,6 +42,38 @@ struct DifferenceTerm {
     return new ceres::AutoDiffCostFunction<DifferenceTerm, kSize, kSize, kSize>(new DifferenceTerm{weight});
   }
 };
+
+// add(camera, pixel, weight, loss, frame, point) for every pixel of the points' tracks in the given frames.
+template <class Add>
+void ForTrackedPixels(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options,
+                      const std::vector<int64_t>& frames, std::vector<PartPoint>* points, const Add& add) {
+  std::vector<bool> wanted(static_cast<size_t>(clip.num_frames()), false);
+  for (const int64_t t : frames) wanted[static_cast<size_t>(t)] = true;
+  for (PartPoint& point : *points) {
+    for (const size_t i : point.tracks) {
+      const FlowTrack& track = tracks[i];
+      const double weight = ShareOf(track) / (options.flow_pixels * clip.PixelScale());
+      for (int64_t t = track.first; t < track.end(); ++t) {
+        if (!wanted[static_cast<size_t>(t)]) continue;
+        add(clip.cameras[static_cast<size_t>(t)], track.At(t), weight, PixelLoss(track), t, &point);
+      }
+    }
+  }
+}
+
+// Holds points near the part's centre. deviation: scene units.
+inline void AddShape(ceres::Problem* problem, const Vec3& center, double deviation, std::vector<PartPoint>* points) {
+  for (PartPoint& point : *points) {
+    problem->AddResidualBlock(new ceres::AutoDiffCostFunction<AnchorTerm, 3, 3>(new AnchorTerm{center, 1 / deviation}),
+                              nullptr, point.position.data());
+  }
+}
+
+inline Vec3 MiddleOf(const std::vector<PartPoint>& points) {
+  Vec3 middle;
+  for (const PartPoint& point : points) middle += ToVec3(point.position) / static_cast<double>(points.size());
+  return middle;
+}
 
 // Whether a solution came out, and at which cost.
 inline std::optional<double> SolveSmall(ceres::Problem* problem, ceres::LinearSolverType type, int iterations) {

@@ -11,6 +11,7 @@
 #include "libeditnerf/tracking/hinge_search.h"
 #include "libeditnerf/tracking/part_alignment.h"
 #include "libeditnerf/tracking/part_hinge.h"
+#include "libeditnerf/tracking/part_rail.h"
 #include "libeditnerf/tracking/part_reversal.h"
 #include "libeditnerf/tracking/part_scale.h"
 #include "libeditnerf/tracking/stillness.h"
@@ -26,12 +27,23 @@ constexpr int64_t kLeastOverlap = 6;                 // known frames of a track 
 constexpr size_t kFewPoints = 40, kMostPoints = 90;  // in a solution on the way, and in the last ones
 constexpr size_t kAlignedPoints = 200;               // likewise, once their tracks are exact enough to be worth it
 constexpr int kFewIterations = 15;
-constexpr double kNearest = 0.75, kFarthest = 1.33;   // of a point, as a share of the part's distance
-constexpr double kHingeCosts = 1.1;                   // likewise, what a hinge may cost; false ones cost 1.2
-constexpr double kHingeDistances[] = {0.8, 1, 1.25};  // times that of the part, from which a hinge is looked for
-constexpr double kKeptShare = 0.9;                    // of the pixels that must go on to follow the part
+constexpr double kNearest = 0.75, kFarthest = 1.33;  // of a point, as a share of the part's distance
+constexpr double kHeldDistances[] = {0.8, 1, 1.25};  // times that of the part, from which a rail or hinge is looked for
+constexpr double kKeptShare = 0.9;                   // of the pixels that must go on to follow the part
 
 size_t At(int64_t t) { return static_cast<size_t>(t); }
+
+// From the rail or the hinge nearest to the part's poses.
+std::optional<double> SolveHeld(const Clip& clip, const std::vector<FlowTrack>& tracks,
+                                const PartSolverOptions& options, RigidPart* part) {
+  const std::vector<int64_t> frames = SeenFrames(*part);
+  if (part->motion == PartMotion::kHinge) {
+    std::optional<Hinge> hinge = NearestHinge(*part, frames);
+    return hinge ? SolveHinge(clip, tracks, options, frames, &*hinge, part) : std::nullopt;
+  }
+  std::optional<Rail> rail = NearestRail(*part, frames);
+  return rail ? SolveRail(clip, tracks, options, frames, &*rail, part) : std::nullopt;
+}
 
 }  // namespace
 
@@ -143,8 +155,7 @@ PartFit::Follow PartFit::Following() const {
   return {Observations(), sum / static_cast<double>(std::max<int64_t>(count, 1))};
 }
 
-bool PartFit::FollowsLike(const Follow& other, double most_miss) const {
-  const Follow now = Following();
+bool PartFit::IsLike(const Follow& now, const Follow& other, double most_miss) {
   return now.miss < most_miss * other.miss &&
          static_cast<double>(now.pixels) >= kKeptShare * static_cast<double>(other.pixels);
 }
@@ -272,6 +283,7 @@ double PartFit::Gain(const PartPoint& point) const {
 }
 
 void PartFit::Settle() {
+  if (IsHeld(part_.motion)) return;
   std::optional<double> rests = RestingScale(clip_, part_);
   if (!rests) {
     part_ = ScaledFromCameras(clip_, part_, ShortestWay(clip_, tracks_, part_));
@@ -281,66 +293,66 @@ void PartFit::Settle() {
   UpdatePlacements();
 }
 
-bool PartFit::LeaveOutTurns(double most_miss) {
-  const RigidPart turning = part_;
-  const Follow before = Following();
-  for (RigidPose& pose : part_.pose) pose.rotation = {0, 0, 0};
-  options_.turns = false;
-  if (Solve(kMostPoints, options_.iterations) && FollowsLike(before, most_miss)) return true;
-  part_ = turning;
-  options_.turns = true;
-  UpdatePlacements();
-  return false;
-}
-
-bool PartFit::PutOnHinge() {
-  const RigidPart free = part_;
-  const Follow before = Following();
-  const std::vector<PartPoint> rest = SetAside(kMostPoints);
-  if (const std::optional<RigidPart> hinged = OnBestHinge()) {
-    part_ = *hinged;
-    UpdatePlacements();
-    if (TakeBack(rest) && FollowsLike(before, kHingeCosts)) return true;
+bool PartFit::Become(PartMotion motion) {
+  const RigidPart before = part_;
+  bool solved = false;
+  if (IsHeld(motion)) {
+    const std::vector<PartPoint> rest = SetAside(kMostPoints);
+    if (const std::optional<RigidPart> held = OnBest(motion)) {
+      part_ = *held;
+      UpdatePlacements();
+      solved = TakeBack(rest);
+    }
+  } else {
+    part_.motion = motion;
+    if (!part_.turns())
+      for (RigidPose& pose : part_.pose) pose.rotation = {0, 0, 0};
+    solved = Solve(kMostPoints, options_.iterations);
   }
-  part_ = free;
+  if (solved) return true;
+  part_ = before;
   UpdatePlacements();
   return false;
 }
 
-// Free motion leaves the distance open, so that its hinge stands still at one distance only: several are begun from,
-// each solved twice, as the first time points are held to a centre at that distance.
-std::optional<RigidPart> PartFit::OnBestHinge() const {
-  const std::vector<int64_t> frames = SeenFrames(part_);
+bool PartFit::Simplify(PartMotion motion, double most_miss) {
+  const RigidPart before = part_;
+  const Follow followed = Following();
+  if (Become(motion) && IsLike(Following(), followed, most_miss)) return true;
+  part_ = before;
+  UpdatePlacements();
+  return false;
+}
+
+// Free motion leaves the distance open, so that its rail or hinge stands still at one distance only: several are begun
+// from, each solved twice, as the first time points are held to a centre at that distance.
+std::optional<RigidPart> PartFit::OnBest(PartMotion motion) const {
   std::optional<RigidPart> best;
   double least = INFINITY;
-  for (const double s : kHingeDistances) {
+  for (const double s : kHeldDistances) {
     RigidPart trial = ScaledFromCameras(clip_, part_, s);
-    std::optional<Hinge> hinge = NearestHinge(trial, frames);
-    if (!hinge || !SolveHinge(clip_, tracks_, options_, frames, &*hinge, &trial)) continue;
-    const std::optional<double> cost = SolveHinge(clip_, tracks_, options_, frames, &*hinge, &trial);
+    trial.motion = motion;
+    if (!SolveHeld(clip_, tracks_, options_, &trial)) continue;
+    const std::optional<double> cost = SolveHeld(clip_, tracks_, options_, &trial);
     if (!cost || *cost >= least) continue;
     least = *cost;
-    best = trial;
-    best->hinged = true;
+    best = std::move(trial);
   }
   return best;
 }
 
 void PartFit::GoOn(const RigidPart& part) {
   part_ = part;
-  options_.turns = part.turns;
   placement_.resize(At(clip_.num_frames()));
   UpdatePlacements();
 }
 
 bool PartFit::SolveAgain() {
-  if (!part_.hinged) return Solve(kAlignedPoints, options_.iterations);
+  if (!IsHeld(part_.motion)) return Solve(kAlignedPoints, options_.iterations);
   const std::vector<PartPoint> rest = SetAside(kAlignedPoints);
-  const std::vector<int64_t> frames = SeenFrames(part_);
-  std::optional<Hinge> hinge = NearestHinge(part_, frames);
-  if (!hinge || !SolveHinge(clip_, tracks_, options_, frames, &*hinge, &part_)) return false;
+  const bool solved = SolveHeld(clip_, tracks_, options_, &part_).has_value();
   UpdatePlacements();
-  return TakeBack(rest);
+  return solved && TakeBack(rest);
 }
 
 bool PartFit::Align(std::vector<FlowTrack>* tracks) {
@@ -364,7 +376,7 @@ bool PartFit::Align(std::vector<FlowTrack>* tracks) {
 }
 
 bool PartFit::FindLost() {
-  if (!part_.hinged || FindLostAngles(clip_, tracks_, &part_) == 0) return false;
+  if (part_.motion != PartMotion::kHinge || FindLostAngles(clip_, tracks_, &part_) == 0) return false;
   UpdatePlacements();
   return true;
 }
@@ -372,14 +384,14 @@ bool PartFit::FindLost() {
 RigidPart PartFit::Finished() const {
   RigidPart part = part_;
   part.observations = Observations();
-  part.turns = options_.turns;
   const std::vector<int64_t> seen = SeenFrames(part_);
   for (int64_t t = 0; t < clip_.num_frames(); ++t) {
     const auto nearest = std::min_element(seen.begin(), seen.end(),
                                           [t](int64_t a, int64_t b) { return std::abs(a - t) < std::abs(b - t); });
     part.pose[At(t)] = part_.pose[At(*nearest)];
   }
-  if (part.hinged) FillAngles(&part);
+  if (part.motion == PartMotion::kHinge) FillAngles(&part);
+  if (part.motion == PartMotion::kRail) FillShifts(&part);
   return part;
 }
 

@@ -25,7 +25,7 @@ class PartFit {
   // The given tracks, all of which cover the seed's frame, on a plane there that faces the camera.
   void Begin(const PartSeed& seed, const std::vector<size_t>& near);
 
-  // A part that was fitted before goes on from where it is, in its kind of motion: free, without turns, or on a hinge.
+  // A part that was fitted before goes on from where it is, in its kind of motion.
   void GoOn(const RigidPart& part);
 
   // Follows the points by their looks (part_alignment.h), along tracks that are appended to `tracks`, and solves again
@@ -44,18 +44,19 @@ class PartFit {
   // that is the other: a solution that has fallen into the wrong one does not come out of it.
   bool TryInsideOut();
 
-  // Leaves all rotations out where the tracks are explained about as well without them, with at most so many times the
-  // mean miss, and says whether it did. What else they would explain is flow's errors.
-  bool LeaveOutTurns(double most_miss);
+  // Goes over to another kind of motion and solves in it; false, and the part as it was, where nothing comes out.
+  bool Become(PartMotion motion);
 
-  // Puts the part on a hinge where the tracks are explained about as well so, and says whether it did.
-  bool PutOnHinge();
+  // The same, but only where the tracks are explained about as well then, with at most so many times the mean miss:
+  // what a freer motion explains beyond that is flow's errors.
+  bool Simplify(PartMotion motion, double most_miss);
 
   // Of a part on a hinge: looks for it in the frames that do not look like it (hinge_search.h), and says whether it was
   // found in any.
   bool FindLost();
 
-  // Moves the part to the distance at which it rests, or else has the shortest way to go (part_scale.h).
+  // Moves the part to the distance at which it rests, or else has the shortest way to go (part_scale.h). One on a hinge
+  // or a rail stays, as at any other distance that would not stand still.
   void Settle();
 
   // Where on its ray a point's first track follows the part best; false where it does not follow.
@@ -73,19 +74,26 @@ class PartFit {
   const FlowTrack* TrackIn(const PartPoint& point, int64_t t) const;
 
   int64_t Observations() const;  // pixels that follow
+
+  // How well the tracks follow, and whether they do so about as well as `other`, with at most so many times its mean
+  // miss.
+  struct Follow {
+    int64_t pixels = 0;  // that follow
+    double miss = 0;     // pixels, mean over all, none counted for more than an outlier
+  };
+  Follow Following() const;
+  static bool IsLike(const Follow& now, const Follow& other, double most_miss);
+
   const RigidPart& part() const { return part_; }
 
-  // The part, with the poses of unknown frames taken from the nearest known one, or, on a hinge, from both sides.
+  // The part, with the poses of unknown frames taken from the nearest known one, or, on a hinge or a rail, from
+  // both sides.
   RigidPart Finished() const;
 
  private:
   struct Placement {
     Mat3 turn;
     Vec3 center;
-  };
-  struct Follow {
-    int64_t pixels;  // that follow
-    double miss;     // mean over all, none counted for more than an outlier
   };
   struct Share {
     int64_t agree = 0, count = 0;
@@ -95,11 +103,9 @@ class PartFit {
   double Miss(const PartPoint& point, const FlowTrack& track, int64_t t) const;
   Share Agreement(const PartPoint& point, const FlowTrack& track) const;
   std::vector<int> Following(const PartPoint& point) const;  // pixels that follow in each frame
-  Follow Following() const;
-  bool FollowsLike(const Follow& other, double most_miss) const;  // with at most so many times its mean miss
   bool Solve(size_t most_points, int iterations);
   bool SolveAgain();
-  std::optional<RigidPart> OnBestHinge() const;
+  std::optional<RigidPart> OnBest(PartMotion motion) const;
   std::vector<PartPoint> SetAside(size_t most_points);
   std::optional<double> SolvePoints(int iterations);
   bool TakeBack(const std::vector<PartPoint>& rest);

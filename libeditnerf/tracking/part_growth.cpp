@@ -19,6 +19,7 @@ constexpr int kBlock = 8;                         // frames added at each end be
 constexpr size_t kFirstReversal = 20;             // known frames from which the part is tried inside out
 constexpr int64_t kLeastOverlap = 6;              // known frames of a track that joins
 constexpr double kTurnsCost = 1.1;                // times the mean miss; drift costs turns of some degrees 1.2
+constexpr double kHingeCost = 1.1;                // likewise; false ones cost 1.2
 constexpr double kLeastGainToJoin = 1;            // of a track, over stillness
 constexpr int64_t kLookEvery = 5, kLookFrom = 5;  // lost frames looked at, and frames looked from
 constexpr size_t kTried = 40, kLeastFound = 8;    // points
@@ -48,10 +49,10 @@ class Growth {
       if (!GrowInTime()) return std::nullopt;
     if (!fit_.SolveAtLast()) return std::nullopt;
     fit_.Settle();
-    if (fit_.LeaveOutTurns(kTurnsCost)) {
+    if (fit_.Simplify(PartMotion::kNoTurns, kTurnsCost)) {
       Join();
       fit_.Settle();
-    } else if (fit_.PutOnHinge()) {
+    } else if (fit_.Simplify(PartMotion::kHinge, kHingeCost)) {
       Join();
     }
     for (const PartPoint& point : part().points)

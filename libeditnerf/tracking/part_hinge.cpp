@@ -51,16 +51,6 @@ struct HingePixelTerm {
   }
 };
 
-struct LengthTerm {
-  double weight;
-
-  template <class T>
-  bool operator()(const T* axis, T* residual) const {
-    residual[0] = T(weight) * (axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2] - T(1));
-    return true;
-  }
-};
-
 }  // namespace
 
 std::optional<Hinge> NearestHinge(const RigidPart& part, const std::vector<int64_t>& frames) {
@@ -106,32 +96,23 @@ std::optional<double> SolveHinge(const Clip& clip, const std::vector<FlowTrack>&
   std::vector<PartPoint> points = part->points;
   std::array<double, 3> axis = ToArray(hinge->axis), through = ToArray(hinge->through);
   const double distance = std::max(1e-6, Norm(part->center - clip.cameras[At(part->reference)].position));
-  std::vector<bool> wanted(At(clip.num_frames()), false);
-  for (const int64_t t : frames) wanted[At(t)] = true;
   ceres::Problem problem;
   const auto angle = [&solved](int64_t t) { return &solved.angle[At(t)]; };
-  for (PartPoint& point : points) {
-    for (const size_t i : point.tracks) {
-      const FlowTrack& track = tracks[i];
-      for (int64_t t = track.first; t < track.end(); ++t) {
-        if (!wanted[At(t)]) continue;
-        auto* term = new HingePixelTerm{clip.cameras[At(t)], track.At(t),
-                                        ShareOf(track) / (options.flow_pixels * clip.PixelScale())};
-        problem.AddResidualBlock(new ceres::AutoDiffCostFunction<HingePixelTerm, 2, 3, 3, 1, 3>(term), PixelLoss(track),
-                                 axis.data(), through.data(), angle(t), point.position.data());
-      }
-    }
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<AnchorTerm, 3, 3>(new AnchorTerm{part->center, 1 / (options.shape * distance)}),
-        nullptr, point.position.data());
-  }
+  ForTrackedPixels(clip, tracks, options, frames, &points,
+                   [&](const Camera& camera, const Pixel& pixel, double weight, ceres::LossFunction* loss, int64_t t,
+                       PartPoint* point) {
+                     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<HingePixelTerm, 2, 3, 3, 1, 3>(
+                                                  new HingePixelTerm{camera, pixel, weight}),
+                                              loss, axis.data(), through.data(), angle(t), point->position.data());
+                   });
   if (!problem.HasParameterBlock(axis.data())) return std::nullopt;
+  AddShape(&problem, part->center, options.shape * distance, &points);
   for (size_t i = 0; i + 1 < frames.size(); ++i) {
     problem.AddResidualBlock(DifferenceTerm<1>::New(1 / options.turn), new ceres::HuberLoss(kTotalVariation),
                              angle(frames[i]), angle(frames[i + 1]));
   }
-  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<LengthTerm, 1, 3>(new LengthTerm{1 / kGauge}), nullptr,
-                           axis.data());
+  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<UnitLengthTerm, 1, 3>(new UnitLengthTerm{1 / kGauge}),
+                           nullptr, axis.data());
   problem.AddResidualBlock(
       new ceres::AutoDiffCostFunction<AnchorTerm, 3, 3>(new AnchorTerm{part->center, 1 / distance}), nullptr,
       through.data());
@@ -142,9 +123,7 @@ std::optional<double> SolveHinge(const Clip& clip, const std::vector<FlowTrack>&
   solved.through = ToVec3(through);
   *hinge = solved;
   part->points = points;
-  Vec3 middle;
-  for (const PartPoint& point : points) middle += ToVec3(point.position) / static_cast<double>(points.size());
-  part->center = middle;
+  part->center = MiddleOf(points);
   SetPoses(*hinge, frames, part);
   return cost;
 }

@@ -12,6 +12,8 @@
 namespace editnerf {
 namespace {
 
+constexpr double kStill = 0.02;  // pixels at 320 wide, a frame, of a part at rest
+
 size_t At(int64_t t) { return static_cast<size_t>(t); }
 
 struct PixelTerm {
@@ -44,22 +46,15 @@ class Solver {
   }
 
   int64_t AddPixels(const std::vector<int64_t>& frames) {
-    std::vector<bool> wanted(At(clip_.num_frames()), false);
-    for (const int64_t t : frames) wanted[At(t)] = true;
     int64_t count = 0;
-    for (PartPoint& point : part_.points) {
-      for (const size_t i : point.tracks) {
-        const FlowTrack& track = tracks_[i];
-        for (int64_t t = track.first; t < track.end(); ++t) {
-          if (!wanted[At(t)]) continue;
-          auto* term = new PixelTerm{clip_.cameras[At(t)], track.At(t), part_.center,
-                                     ShareOf(track) / (options_.flow_pixels * clip_.PixelScale())};
-          problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<PixelTerm, 2, 3, 3, 3>(term), PixelLoss(track),
-                                    Rotation(t), Translation(t), point.position.data());
-          ++count;
-        }
-      }
-    }
+    ForTrackedPixels(clip_, tracks_, options_, frames, &part_.points,
+                     [&](const Camera& camera, const Pixel& pixel, double weight, ceres::LossFunction* loss, int64_t t,
+                         PartPoint* point) {
+                       problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<PixelTerm, 2, 3, 3, 3>(
+                                                     new PixelTerm{camera, pixel, part_.center, weight}),
+                                                 loss, Rotation(t), Translation(t), point->position.data());
+                       ++count;
+                     });
     return count;
   }
 
@@ -67,6 +62,13 @@ class Solver {
   void AddSmoothness(const std::vector<int64_t>& frames) {
     for (size_t i = 0; i + 1 < frames.size(); ++i) {
       const int64_t a = frames[i], b = frames[i + 1];
+      if (Rests(frames, i)) {
+        problem_.AddResidualBlock(DifferenceTerm<3>::New(1 / (kStill * per_pixel_)), nullptr, Translation(a),
+                                  Translation(b));
+        problem_.AddResidualBlock(DifferenceTerm<3>::New(distance_ / (kStill * per_pixel_)), nullptr, Rotation(a),
+                                  Rotation(b));
+        continue;
+      }
       AddTurn(a, b);
       problem_.AddResidualBlock(DifferenceTerm<3>::New(1 / (options_.shift_pixels * per_pixel_)),
                                 new ceres::HuberLoss(kTotalVariation), Translation(a), Translation(b));
@@ -78,17 +80,24 @@ class Solver {
     }
   }
 
+  // Whether the part's way around the step from frame i of the list to the next is that of one at rest.
+  bool Rests(const std::vector<int64_t>& frames, size_t i) const {
+    constexpr size_t kAround = 3;
+    if (options_.rest_pixels == 0) return false;
+    const size_t first = i > kAround ? i - kAround : 0, last = std::min(frames.size() - 1, i + 1 + kAround);
+    const int64_t span = frames[last] - frames[first];
+    const double most = options_.rest_pixels * per_pixel_ * static_cast<double>(span);
+    const auto place = [&](size_t k) { return ToVec3(part_.pose[At(frames[k])].translation); };
+    return Norm(place(last) - place(first)) < most &&
+           Norm(place(i + 1) - place(i)) < 2 * options_.rest_pixels * per_pixel_;
+  }
+
   void AddTurn(int64_t a, int64_t b) {
     problem_.AddResidualBlock(DifferenceTerm<3>::New(1 / options_.turn), new ceres::HuberLoss(kTotalVariation),
                               Rotation(a), Rotation(b));
   }
 
-  void AddShape() {
-    for (PartPoint& point : part_.points)
-      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<AnchorTerm, 3, 3>(
-                                    new AnchorTerm{part_.center, 1 / (options_.shape * distance_)}),
-                                nullptr, point.position.data());
-  }
+  void AddShape() { editnerf::AddShape(&problem_, part_.center, options_.shape * distance_, &part_.points); }
 
   void Hold(double* block) {
     if (problem_.HasParameterBlock(block)) problem_.SetParameterBlockConstant(block);
@@ -140,7 +149,7 @@ std::optional<double> SolvePart(const Clip& clip, const std::vector<FlowTrack>& 
   solver.AddSmoothness(frames);
   solver.AddShape();
   solver.HoldPose(part->reference);
-  if (!options.turns) solver.HoldTurns(frames);
+  if (!part->turns()) solver.HoldTurns(frames);
   const std::optional<double> cost = solver.Run(ceres::DENSE_SCHUR, options.iterations);
   if (!cost) *part = before;
   return cost;

@@ -19,8 +19,8 @@ struct PartSolverOptions {
   double acceleration_pixels = 2.0;  // of the part's centre, a frame and frame
   double shift_pixels = 1.0;         // of the part's centre, a frame
   double turn = 0.05;                // radians a frame
+  double rest_pixels = 0;            // of way a frame up to which the part is taken to rest; 0: it never is
   double shape = 0.15;               // of a point from the part's centre, as a share of the part's distance
-  bool turns = true;                 // false: the rotations stay what they are
   int iterations = 25;
 };
 
@@ -29,7 +29,8 @@ struct PartSolverOptions {
 bool SolvePose(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options, int64_t t,
                int64_t towards, RigidPart* part);
 
-// The poses of the given frames, in time order, and all points; the reference frame's pose stays. Returns the cost that
+// The poses of the given frames, in time order, and all points; the reference frame's pose stays, and rotations do of a
+// part that does not turn. Returns the cost that
 // is left (half the sum of squares), comparable among starts from the same tracks and frames; empty where fewer than
 // three pixels are known or nothing finite comes out.
 std::optional<double> SolvePart(const Clip& clip, const std::vector<FlowTrack>& tracks,

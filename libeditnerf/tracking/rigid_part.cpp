@@ -2,9 +2,25 @@
 
 #include <ceres/rotation.h>
 
+#include <algorithm>
+
 #include "libeditnerf/tracking/track_relation.h"
 
 namespace editnerf {
+
+const char* NameOf(PartMotion motion) {
+  switch (motion) {
+    case PartMotion::kFree:
+      return "freely";
+    case PartMotion::kNoTurns:
+      return "without turns";
+    case PartMotion::kRail:
+      return "on a rail";
+    case PartMotion::kHinge:
+      return "on a hinge";
+  }
+  return "";
+}
 
 Vec3 RigidPart::Place(int64_t t, const Vec3& position) const {
   const RigidPose& p = pose[static_cast<size_t>(t)];
@@ -54,6 +70,22 @@ std::vector<int64_t> SeenFrames(const RigidPart& part) {
   for (size_t t = 0; t < part.seen.size(); ++t)
     if (part.seen[t]) frames.push_back(static_cast<int64_t>(t));
   return frames;
+}
+
+std::vector<int64_t> FillBetween(const RigidPart& part, std::vector<double>* values) {
+  const std::vector<int64_t> seen = SeenFrames(part);
+  std::vector<int64_t> others;
+  if (seen.empty()) return others;
+  for (int64_t t = 0; t < static_cast<int64_t>(part.pose.size()); ++t) {
+    if (part.seen[static_cast<size_t>(t)]) continue;
+    others.push_back(t);
+    const auto after = std::upper_bound(seen.begin(), seen.end(), t);
+    const int64_t b = after == seen.end() ? seen.back() : *after, a = after == seen.begin() ? b : *(after - 1);
+    const double share = b > a ? static_cast<double>(t - a) / static_cast<double>(b - a) : 0;
+    const auto value = [values](int64_t frame) { return (*values)[static_cast<size_t>(frame)]; };
+    (*values)[static_cast<size_t>(t)] = (1 - share) * value(a) + share * value(b);
+  }
+  return others;
 }
 
 double PointRange(const RigidPart& part, const Vec3& position) {

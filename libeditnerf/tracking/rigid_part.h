@@ -23,6 +23,18 @@ struct PartPoint {
   std::array<double, 3> position = {0, 0, 0};  // scene units, where it lies in the reference frame
 };
 
+enum class PartMotion {
+  kFree,
+  kNoTurns,  // goes anywhere
+  kRail,     // along one line that stands still in the scene, and does not turn (part_rail.h)
+  kHinge,    // about one axis that stands still in the scene (part_hinge.h)
+};
+
+const char* NameOf(PartMotion motion);  // "freely", "without turns", "on a rail", "on a hinge"
+
+// Whether it moves in one way only: at a distance that is wrong it could not.
+inline bool IsHeld(PartMotion motion) { return motion == PartMotion::kRail || motion == PartMotion::kHinge; }
+
 struct RigidPart {
   int64_t reference = 0;          // frame whose pose is the identity
   Vec3 center;                    // scene units, in the reference frame
@@ -30,8 +42,9 @@ struct RigidPart {
   std::vector<bool> seen;         // T: enough of its points are seen; other poses are those of the nearest seen frame
   std::vector<PartPoint> points;  // those whose tracks follow the part
   int64_t observations = 0;       // pixels of those tracks that do
-  bool turns = false;             // whether any pose has a rotation
-  bool hinged = false;            // whether it turns about one axis that stands still in the scene
+  PartMotion motion = PartMotion::kFree;
+
+  bool turns() const { return motion == PartMotion::kFree || motion == PartMotion::kHinge; }
 
   // Scene points in frame t of what lies at `position` in the reference frame, and back.
   Vec3 Place(int64_t t, const Vec3& position) const;
@@ -48,6 +61,10 @@ RigidPart ReferredTo(const RigidPart& part, int64_t frame);
 std::vector<Vec3> TurnsOf(const RigidPart& part);
 
 std::vector<int64_t> SeenFrames(const RigidPart& part);  // in time order
+
+// One number a frame: those of frames that do not see the part are set so that it changes steadily between the two that
+// do, and stays before the first and behind the last. Returns those frames.
+std::vector<int64_t> FillBetween(const RigidPart& part, std::vector<double>* values);
 
 // How far a point goes in the frames that see the part: TrackMotion::range (track_relation.h), scene units.
 double PointRange(const RigidPart& part, const Vec3& position);

@@ -33,7 +33,7 @@ struct SwingingPart {
     const ClipOptions options = {kFrames, 320, 240, 0.6, 0, 0};
     clip = ClipWithoutFlow(RenderMovingSpheres({sphere}, options));
     part.center = sphere.center(0);
-    part.turns = part.hinged = true;
+    part.motion = PartMotion::kHinge;
     for (int64_t t = 0; t < kFrames; ++t) {
       part.pose.push_back({{0, 0, Angle(t)}, ToArray(sphere.center(t) - sphere.center(0))});
       part.seen.push_back(true);
@@ -105,6 +105,24 @@ TEST_CASE("a part on a hinge is where it was found where nothing tells better", 
   }
   CHECK(FindLostAngles(covered.clip, covered.tracks, &covered.part) == 0);
   for (size_t t = 0; t < covered.part.seen.size(); ++t) CHECK(covered.part.seen[t] == (t != 3 && t != 20));
+}
+
+TEST_CASE("a part on a hinge is found in frames that did not see it, but for those that do not show it", "[hinge]") {
+  SwingingPart truth;
+  truth.clip.gray[25] = torch::zeros_like(truth.clip.gray[25]);
+  RigidPart part = truth.part;
+  for (const size_t t : {17, 18, 19, 25, 36}) {
+    part.seen[t] = false;
+    part.pose[t] = part.pose[0];
+  }
+  CHECK(FindLostAngles(truth.clip, truth.tracks, &part) == 4);
+  CHECK_FALSE(part.seen[25]);
+  for (const size_t t : {17, 18, 19, 36}) {
+    INFO("frame " << t);
+    CHECK(part.seen[t]);
+    CHECK(Norm(ToVec3(part.pose[t].rotation) - ToVec3(truth.part.pose[t].rotation)) <= 0.03);
+    CHECK(Norm(ToVec3(part.pose[t].translation) - ToVec3(truth.part.pose[t].translation)) <= 0.01);
+  }
 }
 
 TEST_CASE("where a part on a hinge is not seen it turns steadily from one side to the other", "[hinge]") {

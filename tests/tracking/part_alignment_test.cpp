@@ -3,76 +3,16 @@
 
 #include <torch/torch.h>
 
-#include <algorithm>
-
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/tracking/part_fit.h"
 #include "tests/catch.h"
-#include "tests/tracking/moving_spheres.h"
+#include "tests/tracking/drifting_part.h"
 
 using namespace editnerf;
 
 namespace {
 
-constexpr int64_t kFrames = 40;
-constexpr double kRadius = 0.25;
-constexpr double kTrackDrift = 0.15;  // pixels a frame
-constexpr int64_t kReach = 6;         // frames before and after the middle of a track
-
-struct DriftingPart {
-  Sphere sphere = {kRadius, [](int64_t t) {  // rests, slides, and rests
-                     const double share = std::clamp((static_cast<double>(t) - 14) / 10, 0.0, 1.0);
-                     return Vec3{0.3 * share - 0.15, 0, 0.35};
-                   }};
-  Clip clip;
-  std::vector<FlowTrack> tracks;
-  RigidPart part;
-  std::vector<Vec3> normals;  // of the sphere at the part's points
-
-  DriftingPart() {
-    const ClipOptions options = {kFrames, 320, 240, 0.6, 0, 0};
-    clip = ClipWithoutFlow(RenderMovingSpheres({sphere}, options));
-    part.center = sphere.center(0);
-    for (int64_t t = 0; t < kFrames; ++t) {
-      part.pose.push_back({{0, 0, 0}, ToArray(sphere.center(t) - sphere.center(0) + Slip(t))});
-      part.seen.push_back(true);
-    }
-    const Vec3 towards = Normalized(clip.cameras[kFrames / 2].position - sphere.center(kFrames / 2));
-    const Vec3 side = Normalized(Cross(towards, {0, 0, 1})), up = Cross(side, towards);
-    for (int i = -3; i <= 3; ++i) {
-      for (int j = -3; j <= 3; ++j) AddPoint(Normalized(towards + side * (0.2 * i) + up * (0.2 * j)));
-    }
-  }
-
-  Vec3 Slip(int64_t t) const { return clip.cameras[0].orientation.Row(0) * (6e-4 * static_cast<double>(t)); }
-
-  void AddPoint(const Vec3& normal) {
-    const int64_t middle = 8 + static_cast<int64_t>(5 * tracks.size() % 24);
-    FlowTrack track = {middle - kReach, middle, {}};
-    for (int64_t t = middle - kReach; t <= middle + kReach; ++t) {
-      const Pixel at = Truth(normal, t);
-      track.pixel.push_back({at.u + kTrackDrift * static_cast<double>(t - middle), at.v});
-    }
-    part.points.push_back({{tracks.size()}, ToArray(sphere.center(0) + normal * kRadius - Slip(middle))});
-    tracks.push_back(track);
-    normals.push_back(normal);
-  }
-
-  Pixel Truth(const Vec3& normal, int64_t t) const {
-    const Projected at = Project(clip.cameras[static_cast<size_t>(t)], sphere.center(t) + normal * kRadius);
-    return {at.u, at.v};
-  }
-
-  // How far its way leads from the sphere's, scene units.
-  double Astray(const RigidPart& of) const {
-    double most = 0;
-    for (int64_t t = 0; t < kFrames; ++t) {
-      const Vec3 way = of.Place(t, of.center) - of.Place(0, of.center);
-      most = std::max(most, Norm(way - (sphere.center(t) - sphere.center(0))));
-    }
-    return most;
-  }
-};
+constexpr int64_t kReach = DriftingPart::kReach;
 
 }  // namespace
 
@@ -111,7 +51,7 @@ TEST_CASE("a part that drifted with its tracks is where it belongs once it is al
   CHECK(before > 0.02);  // four pixels
   CHECK(drifting.Astray(fit.part()) < 0.6 * before);
   CHECK(fit.part().points.size() > drifting.part.points.size() / 2);
-  for (const RigidPose& pose : fit.part().pose) CHECK(Norm(ToVec3(pose.rotation)) == 0);  // turns stay left out
+  for (const RigidPose& pose : fit.part().pose) CHECK(Norm(ToVec3(pose.rotation)) == 0);  // it does not begin to turn
 }
 
 TEST_CASE("a point without a corner to hold on to is not aligned", "[alignment]") {

@@ -6,6 +6,7 @@
 #include "libeditnerf/tracking/moving_parts.h"
 #include "libeditnerf/tracking/part_candidates.h"
 #include "libeditnerf/tracking/part_hinge.h"
+#include "libeditnerf/tracking/part_rail.h"
 #include "libeditnerf/tracking/part_reversal.h"
 #include "libeditnerf/tracking/part_scale.h"
 #include "libeditnerf/tracking/part_solver.h"
@@ -105,7 +106,7 @@ TEST_CASE("a part that slides and rests is found at its true distance, without t
   Body body(Slide);
   const RigidPart part = body.Fit();
   CHECK(part.points.size() >= 55);
-  CHECK_FALSE(part.turns);
+  CHECK_FALSE(part.turns());
   CHECK(SeenFrames(part).size() == kFrames);
   CHECK(WorstError(body, part, Slide) < 0.04);  // of a way of 0.23, from a guess that was 0.3 off
 }
@@ -114,7 +115,7 @@ TEST_CASE("a part that turns has its turns") {
   Body body(Turned);
   const RigidPart part = body.Fit();
   CHECK(part.points.size() >= 50);
-  CHECK(part.turns);
+  CHECK(part.turns());
   CHECK(WorstError(body, part, Turned) < 0.06);  // of a way of 0.23
 }
 
@@ -144,6 +145,55 @@ TEST_CASE("the hinge nearest to a part's poses has its axis, its place and its a
   CHECK_FALSE(NearestHinge(part, frames));
 }
 
+TEST_CASE("the rail nearest to a part's poses has its direction and its shifts") {
+  RigidPart part;
+  part.pose.resize(kFrames);
+  std::vector<int64_t> frames;
+  Rail rail;
+  rail.along = Normalized({0.2, -1, 0.1});
+  for (int64_t t = 0; t < kFrames; ++t) {
+    frames.push_back(t);
+    rail.shift.push_back(0.01 * static_cast<double>(t - 20));
+    part.pose[static_cast<size_t>(t)].rotation = {0, 0, 0.1};
+  }
+  CHECK_FALSE(NearestRail(part, frames));
+  SetPoses(rail, frames, &part);
+  for (const RigidPose& pose : part.pose) CHECK(Norm(ToVec3(pose.rotation)) == 0);
+  const std::optional<Rail> found = NearestRail(part, frames);
+  REQUIRE(found);
+  const double sign = Dot(found->along, rail.along) > 0 ? 1 : -1;
+  CHECK(Norm(sign * found->along - rail.along) < 1e-9);
+  for (size_t t = 0; t < rail.shift.size(); ++t) CHECK(sign * found->shift[t] == Approx(rail.shift[t]).margin(1e-9));
+  part.seen.assign(kFrames, true);
+  for (const size_t t : {0, 30, 31}) {
+    part.seen[t] = false;
+    part.pose[t] = {};
+  }
+  FillShifts(&part);
+  CHECK(Norm(part.Place(31, {}) - rail.along * rail.shift[31]) < 1e-9);
+  CHECK(Norm(part.Place(0, {}) - rail.along * rail.shift[1]) < 1e-9);
+}
+
+TEST_CASE("on a rail a part has its true distance, wherever free motion left it") {
+  Body body(Slide);
+  for (const double s : {0.85, 1.15}) {
+    RigidPart part = ScaledFromCameras(body.clip, body.Fit(), s);
+    part.motion = PartMotion::kRail;
+    const std::vector<int64_t> frames = SeenFrames(part);
+    PartSolverOptions options;
+    options.shape = 0.5;
+    std::optional<double> cost;
+    for (int i = 0; i < 6; ++i) {
+      std::optional<Rail> rail = NearestRail(part, frames);
+      REQUIRE(rail);
+      cost = SolveRail(body.clip, body.tracks, options, frames, &*rail, &part);
+      REQUIRE(cost);
+    }
+    INFO("begun at " << s << " times the distance; cost " << *cost);
+    CHECK(WorstError(body, part, Slide) < 0.02);
+  }
+}
+
 TEST_CASE("a part on a hinge is put on it, at its true distance") {
   Body body(Turned);
   const RigidPart part = body.Fit();
@@ -158,7 +208,7 @@ TEST_CASE("a part that turns and goes elsewhere is not put on a hinge") {
   const auto along = [](const Vec3& p, int64_t t) { return Turned(p, t) + 0.8 * Shift(t); };
   Body body(along);
   const RigidPart part = body.Fit();
-  CHECK(part.turns);
+  CHECK(part.turns());
   CHECK(WorstError(body, part, along) < 0.15);
   const std::vector<int64_t> frames = SeenFrames(part);
   const std::optional<Hinge> nearest = NearestHinge(part, frames);
