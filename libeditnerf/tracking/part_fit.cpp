@@ -155,9 +155,9 @@ PartFit::Follow PartFit::Following() const {
   return {Observations(), sum / static_cast<double>(std::max<int64_t>(count, 1))};
 }
 
-bool PartFit::IsLike(const Follow& now, const Follow& other, double most_miss) {
+bool PartFit::IsLike(const Follow& now, const Follow& other, double most_miss, double least_share) {
   return now.miss < most_miss * other.miss &&
-         static_cast<double>(now.pixels) >= kKeptShare * static_cast<double>(other.pixels);
+         static_cast<double>(now.pixels) >= least_share * static_cast<double>(other.pixels);
 }
 
 bool PartFit::SolveOnTheWay() { return Solve(kFewPoints, kFewIterations); }
@@ -318,7 +318,7 @@ bool PartFit::Become(PartMotion motion) {
 bool PartFit::Simplify(PartMotion motion, double most_miss) {
   const RigidPart before = part_;
   const Follow followed = Following();
-  if (Become(motion) && IsLike(Following(), followed, most_miss)) return true;
+  if (Become(motion) && IsLike(Following(), followed, most_miss, kKeptShare)) return true;
   part_ = before;
   UpdatePlacements();
   return false;

@@ -75,14 +75,14 @@ class PartFit {
 
   int64_t Observations() const;  // pixels that follow
 
-  // How well the tracks follow, and whether they do so about as well as `other`, with at most so many times its mean
-  // miss.
+  // How well the tracks follow, and whether they do so about as well as `other`: with at most so many times its mean
+  // miss, and at least that share of its pixels.
   struct Follow {
     int64_t pixels = 0;  // that follow
     double miss = 0;     // pixels, mean over all, none counted for more than an outlier
   };
   Follow Following() const;
-  static bool IsLike(const Follow& now, const Follow& other, double most_miss);
+  static bool IsLike(const Follow& now, const Follow& other, double most_miss, double least_share);
 
   const RigidPart& part() const { return part_; }
 

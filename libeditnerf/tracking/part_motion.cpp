@@ -19,8 +19,11 @@ constexpr int kAlignments = 4, kSearches = 4,
 constexpr double kAlignedPixels = 0.4;  // standard deviation at 320 wide
 constexpr double kAlignedShape = 0.5;   // PartSolverOptions::shape, where the tracks tell it
 constexpr double kRestPixels = 0.15;    // PartSolverOptions::rest_pixels; drift goes up to 0.1
-constexpr double kHopelessShare = 0.6;  // of the pixels
 constexpr double kSimplerCost = 1.3;    // times the mean miss, where freedom is needless; 2 where it is not
+constexpr double kSimplerShare = 0.9;   // of the pixels that freer motion finds
+// Where it drifts a part finds patches that one which is held does not, of stripes above all: 0.8 of them are found of
+// those that are held rightly, half at most of others.
+constexpr double kHeldShare = 0.75, kHopelessShare = 0.6;
 
 PartSolverOptions AlignedOptions() {
   PartSolverOptions options;
@@ -49,15 +52,18 @@ struct Trial {
     return fit.part().motion == motion || fit.Become(motion);
   }
 
+  bool AlignOnce() {
+    if (InterruptRequested()) Throw<Interrupted>("interrupted while moving parts were aligned");
+    if (!fit.Align(&tracks)) return false;
+    fit.Settle();
+    return true;
+  }
+
   // Several times, as the part's own drift bends what patches are expected to look like, and from where they are looked
   // for. False where there is little left of the given number of pixels: it will not come back.
-  bool Align(int rounds, int64_t pixels = 0) {
-    for (int round = 0; round < rounds; ++round) {
-      if (InterruptRequested()) Throw<Interrupted>("interrupted while moving parts were aligned");
-      if (!fit.Align(&tracks)) return true;
-      fit.Settle();
+  bool Align(int64_t pixels) {
+    for (int round = 0; round < kAlignments && AlignOnce(); ++round)
       if (static_cast<double>(fit.Observations()) < kHopelessShare * static_cast<double>(pixels)) return false;
-    }
     return true;
   }
 };
@@ -72,26 +78,31 @@ RigidPart FollowByLooks(const Clip& clip, const RigidPart& part, const DepthRang
       if (simpler != part.motion) kinds.push_back(simpler);
   }
   Progress progress("alignment", static_cast<int64_t>(kinds.size()));
-  std::unique_ptr<Trial> best, held;
-  for (size_t i = 0; i < kinds.size(); ++i) {
-    progress.Update(static_cast<int64_t>(i));
-    auto trial = std::make_unique<Trial>(clip, *tracks, part, range);
-    if (!trial->Become(kinds[i])) continue;
-    if (!trial->Align(kAlignments, best ? best->fit.Observations() : 0)) continue;
+  std::vector<std::unique_ptr<Trial>> trials;  // that came out, the part's own kind first
+  Trial *best = nullptr, *held = nullptr;
+  for (const PartMotion kind : kinds) {
+    progress.Update(static_cast<int64_t>(&kind - kinds.data()));
+    // What holds a part is looked for where it has lost its drift.
+    auto trial = trials.empty() || !IsHeld(kind)
+                     ? std::make_unique<Trial>(clip, *tracks, part, range)
+                     : std::make_unique<Trial>(clip, trials.front()->tracks, trials.front()->fit.part(), range);
+    if (!trial->Become(kind) || !trial->Align(best ? best->fit.Observations() : 0)) continue;
     const PartFit::Follow now = trial->fit.Following();
-    LogDebug("moving parts: {} {} points at {} pixels in {} frames, {:.3f} pixels off", NameOf(kinds[i]),
+    LogDebug("moving parts: {} {} points at {} pixels in {} frames, {:.3f} pixels off", NameOf(kind),
              trial->fit.part().points.size(), now.pixels, SeenFrames(trial->fit.part()).size(), now.miss);
-    if (best && !PartFit::IsLike(now, best->fit.Following(), kSimplerCost)) continue;
-    if (!IsHeld(kinds[i])) {
-      best = std::move(trial);
-    } else if (!held || now.pixels > held->fit.Following().pixels) {
-      held = std::move(trial);
+    if (!best || PartFit::IsLike(now, best->fit.Following(), kSimplerCost, IsHeld(kind) ? kHeldShare : kSimplerShare)) {
+      if (!IsHeld(kind) || !best) {
+        best = trial.get();
+      } else if (!held || now.pixels > held->fit.Following().pixels) {
+        held = trial.get();
+      }
     }
+    trials.push_back(std::move(trial));
   }
   progress.Finish();
-  if (held) best = std::move(held);
+  if (held) best = held;
   if (!best) return part;
-  for (int search = 0; search < kSearches && best->fit.FindLost(); ++search) best->Align(1);
+  for (int search = 0; search < kSearches && best->fit.FindLost(); ++search) best->AlignOnce();
   RigidPart followed = best->fit.Finished();
   *tracks = std::move(best->tracks);
   return followed;
