@@ -376,9 +376,10 @@ bool PartFit::Align(std::vector<FlowTrack>* tracks) {
 }
 
 bool PartFit::FindLost() {
-  if (part_.motion != PartMotion::kHinge || FindLostAngles(clip_, tracks_, &part_) == 0) return false;
-  UpdatePlacements();
-  return true;
+  if (part_.motion != PartMotion::kHinge) return false;
+  const bool found = FindLostAngles(clip_, tracks_, &part_) > 0;
+  UpdatePlacements();  // its reference may be another frame now, wherever it was found
+  return found;
 }
 
 RigidPart PartFit::Finished() const {
