@@ -124,6 +124,7 @@ TEST_CASE("eight key points asked of one moving part are all tracked, trained an
   const ScratchFolder scratch;
   WholeWayRequest request = Request(scratch.path(), "hinge");
   request.config.detect.count = 8;
+  request.config.train.merge_key_points = Choice::kOff;  // they are on one part, and may well be shown to be the same
   request.config.pretrain.steps = kUntilSurfaces;
   RunWholeWay(request);
   CHECK_THAT(CheckEndedWell(request, 8), HasText("kept because the number of key points is given"));
