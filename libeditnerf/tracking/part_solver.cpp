@@ -85,11 +85,18 @@ class Solver {
     constexpr size_t kAround = 3;
     if (options_.rest_pixels == 0) return false;
     const size_t first = i > kAround ? i - kAround : 0, last = std::min(frames.size() - 1, i + 1 + kAround);
-    const int64_t span = frames[last] - frames[first];
-    const double most = options_.rest_pixels * per_pixel_ * static_cast<double>(span);
-    const auto place = [&](size_t k) { return ToVec3(part_.pose[At(frames[k])].translation); };
-    return Norm(place(last) - place(first)) < most &&
-           Norm(place(i + 1) - place(i)) < 2 * options_.rest_pixels * per_pixel_;
+    const double most = options_.rest_pixels * per_pixel_;
+    return Way(frames[first], frames[last]) < most * static_cast<double>(frames[last] - frames[first]) &&
+           Way(frames[i], frames[i + 1]) < 2 * most;
+  }
+
+  // How far the part goes, where a way to or from the camera, of which images tell little, counts for less.
+  double Way(int64_t a, int64_t b) const {
+    constexpr double kInDepth = 0.25;
+    const Vec3 from = part_.Place(a, part_.center), way = part_.Place(b, part_.center) - from;
+    const Vec3 axis = Normalized(from - clip_.cameras[At(a)].position);
+    const double along = Dot(way, axis);
+    return std::hypot(Norm(way - along * axis), kInDepth * along);
   }
 
   void AddTurn(int64_t a, int64_t b) {
