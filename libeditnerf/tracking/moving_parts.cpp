@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "libeditnerf/base/error.h"
-#include "libeditnerf/base/interrupt.h"
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/base/progress.h"

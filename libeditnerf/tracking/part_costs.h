@@ -43,6 +43,16 @@ struct DifferenceTerm {
   }
 };
 
+// residual [2]: how far a point is seen from a pixel. False where the camera does not see it.
+template <class T>
+bool PixelMiss(const Camera& camera, const Pixel& pixel, double weight, const T* point, T* residual) {
+  T projected[2];
+  if (!ProjectPoint(camera, point, projected)) return false;
+  residual[0] = T(weight) * (projected[0] - T(pixel.u));
+  residual[1] = T(weight) * (projected[1] - T(pixel.v));
+  return true;
+}
+
 // add(camera, pixel, weight, loss, frame, point) for every pixel of the points' tracks in the given frames.
 template <class Add>
 void ForTrackedPixels(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options,

@@ -37,17 +37,14 @@ struct HingePixelTerm {
   bool operator()(const T* axis, const T* through, const T* angle, const T* position, T* residual) const {
     using std::sqrt;
     const T length = sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
-    T rotation[3], from[3], point[3], projected[2];
+    T rotation[3], from[3], point[3];
     for (int i = 0; i < 3; ++i) {
       rotation[i] = axis[i] * (angle[0] / length);
       from[i] = position[i] - through[i];
     }
     ceres::AngleAxisRotatePoint(rotation, from, point);
     for (int i = 0; i < 3; ++i) point[i] += through[i];
-    if (!ProjectPoint(camera, point, projected)) return false;
-    residual[0] = T(weight) * (projected[0] - T(pixel.u));
-    residual[1] = T(weight) * (projected[1] - T(pixel.v));
-    return true;
+    return PixelMiss(camera, pixel, weight, point, residual);
   }
 };
 

@@ -26,12 +26,9 @@ struct RailPixelTerm {
   bool operator()(const T* along, const T* shift, const T* position, T* residual) const {
     using std::sqrt;
     const T length = sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2]);
-    T point[3], projected[2];
+    T point[3];
     for (int i = 0; i < 3; ++i) point[i] = position[i] + along[i] * (shift[0] / length);
-    if (!ProjectPoint(camera, point, projected)) return false;
-    residual[0] = T(weight) * (projected[0] - T(pixel.u));
-    residual[1] = T(weight) * (projected[1] - T(pixel.v));
-    return true;
+    return PixelMiss(camera, pixel, weight, point, residual);
   }
 };
 

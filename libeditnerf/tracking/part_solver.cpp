@@ -25,15 +25,12 @@ struct PixelTerm {
   template <class T>
   bool operator()(const T* rotation, const T* translation, const T* position, T* residual) const {
     const T from[3] = {position[0] - T(center.x), position[1] - T(center.y), position[2] - T(center.z)};
-    T point[3], projected[2];
+    T point[3];
     ceres::AngleAxisRotatePoint(rotation, from, point);
     point[0] += T(center.x) + translation[0];
     point[1] += T(center.y) + translation[1];
     point[2] += T(center.z) + translation[2];
-    if (!ProjectPoint(camera, point, projected)) return false;
-    residual[0] = T(weight) * (projected[0] - T(pixel.u));
-    residual[1] = T(weight) * (projected[1] - T(pixel.v));
-    return true;
+    return PixelMiss(camera, pixel, weight, point, residual);
   }
 };
 
