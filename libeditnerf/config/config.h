@@ -58,6 +58,7 @@ struct StageConfig {
   int64_t samples_per_step = 0;          // fewer rays are drawn where they would take more samples; 0: no limit
   double learning_rate = 1e-3;           // exponential from here
   double final_learning_rate = 1e-4;     // to here, over `steps` (or `seconds`, whichever is nearer its end)
+  bool average_weights = false;          // what is shown is their mean over about the last fifth of the steps
   double key_point_learning_rate = 1.0;  // multiplies the learning rate of key points and local frames
   double code_learning_rate = 1.0;       // multiplies the learning rate of the per-frame codes
   double shape_learning_rate = 1.0;      // multiplies the learning rate of warp field, slices and weights
@@ -88,6 +89,9 @@ struct StageConfig {
       "samples that a step may take: fewer rays are drawn while they take many; 0 for no limit", AtLeast(0));
     v("learning_rate", learning_rate, "initial learning rate of Adam", Positive());
     v("final_learning_rate", final_learning_rate, "learning rate at the end of the exponential schedule", Positive());
+    v("average_weights", average_weights,
+      "show and save the mean of the weights over about the last fifth of the steps, which lets the learning rate stay "
+      "high");
     v("key_point_learning_rate", key_point_learning_rate,
       "factor on the learning rate for key points and how their parts turn", AtLeast(0));
     v("code_learning_rate", code_learning_rate, "factor on the learning rate for per-frame codes", AtLeast(0));

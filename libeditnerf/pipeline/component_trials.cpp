@@ -90,6 +90,7 @@ class ShortTrainings {
       trainer.Step();
       if (InterruptRequested()) Throw<Interrupted>("interrupted while the field's components were tried");
     }
+    trainer.ShowAverage();
     const Run& run = trainer.run();
     run.field->eval();
     Measured psnr;

@@ -2,10 +2,9 @@
 
 #include <cmath>
 
-#include "libeditnerf/base/error.h"
-#include "libeditnerf/base/shape.h"
 #include "libeditnerf/kernels/adam_step.h"
 #include "libeditnerf/kernels/kernel_use.h"
+#include "libeditnerf/training/saved_state.h"
 
 namespace editnerf {
 namespace {
@@ -32,16 +31,6 @@ void StepAnywhere(const Update& u, bool skip_untouched, const torch::Tensor& gra
     change = torch::where(touched, change, torch::zeros_like(change));
   }
   parameter.sub_(change);
-}
-
-void LoadInto(const std::map<std::string, torch::Tensor>& state, const std::string& key, torch::Tensor& target) {
-  const auto found = state.find(key);
-  if (found == state.end()) Throw<CheckpointError>("optimiser state: '{}' is missing", key);
-  if (found->second.sizes() != target.sizes()) {
-    Throw<CheckpointError>("optimiser state: '{}': expected shape {}, found {}", key, ShapeString(target),
-                           ShapeString(found->second));
-  }
-  target.copy_(found->second);
 }
 
 }  // namespace
@@ -104,8 +93,8 @@ std::vector<std::pair<std::string, torch::Tensor>> Adam::parameters() const {
   return parameters;
 }
 
-std::map<std::string, torch::Tensor> Adam::State() const {
-  std::map<std::string, torch::Tensor> state;
+SavedState Adam::State() const {
+  SavedState state;
   for (const Slot& slot : slots_) {
     state["first." + slot.name] = slot.first;
     state["second." + slot.name] = slot.second;
@@ -114,13 +103,13 @@ std::map<std::string, torch::Tensor> Adam::State() const {
   return state;
 }
 
-void Adam::LoadState(const std::map<std::string, torch::Tensor>& state) {
+void Adam::LoadState(const SavedState& state) {
   const torch::NoGradGuard no_grad;
   for (Slot& slot : slots_) {
     LoadInto(state, "first." + slot.name, slot.first);
     LoadInto(state, "second." + slot.name, slot.second);
   }
-  torch::Tensor steps = torch::zeros({}, torch::kInt64);
+  const torch::Tensor steps = torch::zeros({}, torch::kInt64);
   LoadInto(state, "steps", steps);
   steps_ = steps.item<int64_t>();
 }

@@ -7,9 +7,10 @@
 #include <torch/types.h>
 
 #include <cstdint>
-#include <map>
 #include <string>
 #include <vector>
+
+#include "libeditnerf/training/saved_state.h"
 
 namespace editnerf {
 
@@ -38,8 +39,8 @@ class Adam {
 
   // Moments and step count under "first.NAME", "second.NAME" and "steps". Load throws CheckpointError naming what is
   // missing or has another shape.
-  std::map<std::string, torch::Tensor> State() const;
-  void LoadState(const std::map<std::string, torch::Tensor>& state);
+  SavedState State() const;
+  void LoadState(const SavedState& state);
 
  private:
   struct Slot {

@@ -10,8 +10,8 @@ namespace {
 const std::string kAdam = "adam.";
 
 // The run's own tensors: what is written to them is written to the run.
-std::map<std::string, torch::Tensor> TensorsOf(const Run& run) {
-  std::map<std::string, torch::Tensor> tensors;
+SavedState TensorsOf(const Run& run) {
+  SavedState tensors;
   const auto collect = [&](const torch::nn::Module& module, const std::string& prefix) {
     for (const auto& item : module.named_parameters()) tensors[prefix + item.key()] = item.value().detach();
     for (const auto& item : module.named_buffers()) tensors[prefix + item.key()] = item.value();
@@ -25,8 +25,8 @@ std::map<std::string, torch::Tensor> TensorsOf(const Run& run) {
 
 void GoodState::Keep(const Run& run, const Adam& adam) {
   const torch::NoGradGuard no_grad;
-  std::map<std::string, torch::Tensor> now = TensorsOf(run);
-  for (const auto& [name, tensor] : adam.State()) now[kAdam + name] = tensor;
+  SavedState now = TensorsOf(run);
+  PutUnder(kAdam, adam.State(), &now);
   for (const auto& [name, tensor] : now) {
     torch::Tensor& kept = tensors_[name];
     if (kept.defined()) {
@@ -41,11 +41,7 @@ void GoodState::Keep(const Run& run, const Adam& adam) {
 void GoodState::Restore(Run* run, Adam* adam) const {
   const torch::NoGradGuard no_grad;
   for (auto& [name, tensor] : TensorsOf(*run)) tensor.copy_(tensors_.at(name));
-  std::map<std::string, torch::Tensor> optimizer;
-  for (const auto& [name, tensor] : tensors_) {
-    if (name.rfind(kAdam, 0) == 0) optimizer[name.substr(kAdam.size())] = tensor;
-  }
-  adam->LoadState(optimizer);
+  adam->LoadState(Under(kAdam, tensors_));
 }
 
 bool HasFiniteWeights(const HyperspaceField& field) {

@@ -3,8 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
-#include <string>
 
 #include "libeditnerf/training/adam.h"
 #include "libeditnerf/training/run.h"
@@ -23,7 +21,7 @@ class GoodState {
   int64_t step() const { return step_; }  // of the run when it was kept
 
  private:
-  std::map<std::string, torch::Tensor> tensors_;
+  SavedState tensors_;
   int64_t step_ = 0;
 };
 

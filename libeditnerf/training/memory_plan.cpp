@@ -90,6 +90,7 @@ MemoryPlan PlanMemory(const Run& run, const Scene& scene) {
   const MemoryPlan field = PlanField(run);
   plan.parts.insert(plan.parts.end(), field.parts.begin(), field.parts.end());
   plan.parts.emplace_back("Adam", 2 * parameters);
+  if (stage.average_weights) plan.parts.emplace_back("mean of the weights", parameters);
   plan.parts.emplace_back("state to roll back to", 3 * parameters + BufferBytes(*run.renderer));
   plan.parts.emplace_back("samples of a step", SampleBytes(run, SamplesPerStep(run, stage)));
   return plan;

@@ -25,7 +25,11 @@ namespace {
 
 constexpr int64_t kHeldOutRays = 8192;
 constexpr int64_t kFewestRays = 256;
-constexpr int64_t kMostDumps = 3;  // skipped steps that a session writes down
+constexpr int64_t kMostDumps = 3;     // skipped steps that a session writes down
+constexpr int64_t kAverageEvery = 8;  // steps, whose weights differ too little to be worth adding them all
+
+// Of what a checkpoint keeps beside the run.
+const std::string kAdam = "adam.", kAverage = "average.";
 
 void AddGradients(const std::vector<torch::Tensor>& gradients, const std::vector<torch::Tensor>& parameters) {
   const torch::NoGradGuard no_grad;
@@ -56,6 +60,7 @@ Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision>
       rays_(scene, scene.train, run_.device),
       held_out_(scene, kHeldOutRays, run_.device),
       adam_(AdamGroupsFor(*run_.field, stage_), AdamOptionsFor(run_.config)),
+      average_(adam_.parameters()),
       recovery_(AdviceFor(run_)) {
   if (supervision_) {
     supervision_->flow = supervision_->flow.to(run_.device);
@@ -70,13 +75,9 @@ void Trainer::SetKnownPlaces(const DepthTargets& places) {
   rays_.SetKnownPlaces(places, stage_.still_share, run_.field->has_local_frames() ? 0 : stage_.carried_share);
 }
 
-void Trainer::Resume(const std::map<std::string, torch::Tensor>& extra) {
-  std::map<std::string, torch::Tensor> optimizer;
-  const std::string prefix = "adam.";
-  for (const auto& [name, tensor] : extra) {
-    if (name.rfind(prefix, 0) == 0) optimizer[name.substr(prefix.size())] = tensor;
-  }
-  adam_.LoadState(optimizer);
+void Trainer::Resume(const SavedState& extra) {
+  adam_.LoadState(Under(kAdam, extra));
+  average_.LoadState(Under(kAverage, extra));
   resumed_step_ = run_.counters.step;
   const auto generator = extra.find("generator");
   if (generator == extra.end()) Throw<CheckpointError>("checkpoint: the random generator's state is missing");
@@ -283,6 +284,7 @@ void Trainer::Count(int64_t rays, int64_t samples) {
 
 std::map<std::string, double> Trainer::Step() {
   RunCounters& counters = run_.counters;
+  average_.Hide();
   run_.field->SetStep(counters.step);
   if (counters.step % run_.config.render.occupancy_update_every == 0) {
     const torch::NoGradGuard no_grad;
@@ -297,16 +299,29 @@ std::map<std::string, double> Trainer::Step() {
   const StepVerdict verdict = Check(losses);
   if (verdict.take) {
     recovery_.StepIsGood(run_, adam_);
-    const TeamPhase phase(Phase::kAdam);
-    adam_.Step(ExponentialSchedule(stage_.learning_rate, stage_.final_learning_rate, Progress()));
+    TakeStep();
   } else {
     LogWarning("step {} skipped: not finite: {}", counters.step, ListOf(verdict.not_finite));
     counters.AddSkipped(verdict.not_finite);
     if (stage_.dump_bad_steps && first_failure && dumped_++ < kMostDumps) Dump(input);
-    if (verdict.roll_back) recovery_.GoBack(ListOf(verdict.not_finite), &run_, &adam_);
+    if (verdict.roll_back) Recover([&] { recovery_.GoBack(ListOf(verdict.not_finite), &run_, &adam_); });
   }
   ++counters.step;
   return {verdict.losses.begin(), verdict.losses.end()};
+}
+
+void Trainer::TakeStep() {
+  const TeamPhase phase(Phase::kAdam);
+  adam_.Step(ExponentialSchedule(stage_.learning_rate, stage_.final_learning_rate, Progress()));
+  if (stage_.average_weights && run_.counters.step % kAverageEvery == kAverageEvery - 1) average_.Add();
+}
+
+template <class Restore>
+void Trainer::Recover(const Restore& restore) {
+  average_.Hide();
+  const int64_t before = run_.counters.rolled_back;
+  restore();
+  if (run_.counters.rolled_back > before) average_.Restart();
 }
 
 StepVerdict Trainer::Check(const NamedTensors& losses) {
@@ -330,6 +345,7 @@ void Trainer::Dump(const StepInput& input) {
 }
 
 std::optional<double> Trainer::Measure() {
+  ShowAverage();
   run_.field->eval();
   const std::optional<double> psnr = held_out_.Psnr(*run_.field, *run_.renderer);
   run_.field->train();
@@ -348,9 +364,11 @@ void Trainer::Log(const std::map<std::string, double>& losses, std::optional<dou
 }
 
 void Trainer::Save() {
-  recovery_.MakeFit(/*last_steps_failed=*/false, &run_, &adam_);
-  std::map<std::string, torch::Tensor> extra;
-  for (const auto& [name, tensor] : adam_.State()) extra["adam." + name] = tensor;
+  Recover([&] { recovery_.MakeFit(/*last_steps_failed=*/false, &run_, &adam_); });
+  ShowAverage();
+  SavedState extra;
+  PutUnder(kAdam, adam_.State(), &extra);
+  PutUnder(kAverage, average_.State(), &extra);
   extra["samples_per_ray"] = torch::tensor(samples_per_ray_, torch::kFloat64);
   extra["generator"] = at::detail::getDefaultCPUGenerator().get_state();
   SaveRun(run_, folder_, extra);
@@ -389,7 +407,7 @@ void Trainer::Train() {
     if (counters.step % stage_.checkpoint_every == 0 && !last) Save();
   }
   bar.Finish(note);
-  recovery_.MakeFit(guard_.failures_in_a_row() > 0, &run_, &adam_);
+  Recover([&] { recovery_.MakeFit(guard_.failures_in_a_row() > 0, &run_, &adam_); });
   Save();
   if (counters.skipped > 0) LogWarning("{}", SkippedText(counters));
 }

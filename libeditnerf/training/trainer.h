@@ -14,6 +14,7 @@
 #include "libeditnerf/training/step_guard.h"
 #include "libeditnerf/training/step_input.h"
 #include "libeditnerf/training/training_rays.h"
+#include "libeditnerf/training/weight_average.h"
 
 namespace editnerf {
 
@@ -31,7 +32,7 @@ class Trainer {
   void SetKnownPlaces(const DepthTargets& places);
 
   // Takes over the optimiser and generator state of a loaded run.
-  void Resume(const std::map<std::string, torch::Tensor>& extra);
+  void Resume(const SavedState& extra);
 
   // Trains until the configured steps or seconds are over, then saves. Throws Interrupted after Ctrl-C, once the
   // checkpoint is written, and Error where steps go on being not finite after going back to the last good state.
@@ -43,7 +44,11 @@ class Trainer {
   // A step again, from what it had drawn: nothing is drawn and no weight changes.
   StepVerdict Replay(const StepInput& input);
 
+  // With the weights of the last step or, from Train or ShowAverage on until the next step, their mean.
   const Run& run() const { return run_; }
+
+  // The weights' mean over the last steps in their place, where the stage has average_weights.
+  void ShowAverage() { average_.Show(); }
 
  private:
   int64_t RaysForStep() const;
@@ -57,6 +62,10 @@ class Trainer {
   // The same in one fused pass, where renderer and field have one.
   std::optional<NamedTensors> FusedBackward(const RayTargets& batch, const RayBatch& rays, const FrameStates& states,
                                             const RayOptions& options);
+  void TakeStep();
+  // The last good state in the place of what is not finite; its mean begins anew.
+  template <class Restore>
+  void Recover(const Restore& restore);
   void Count(int64_t rays, int64_t samples);
   NamedTensors RayLosses(const RayBatch& rays, const torch::Tensor& target, const FrameStates& states,
                          const RayOptions& options, int64_t* samples) const;
@@ -75,6 +84,7 @@ class Trainer {
   TrainingRays rays_;
   HeldOut held_out_;
   Adam adam_;
+  WeightAverage average_;
   StepGuard guard_;
   Recovery recovery_;
   std::optional<MetricsLog> log_;

@@ -63,7 +63,7 @@ TEST_CASE("Adam continues from a saved state exactly") {
 TEST_CASE("Adam names what a saved state lacks") {
   auto x = torch::zeros({3}).requires_grad_();
   Adam adam({{{{"x", x}}, 1, false}}, {});
-  CHECK_THROWS_WITH(adam.LoadState({}), "optimiser state: 'first.x' is missing");
+  CHECK_THROWS_WITH(adam.LoadState({}), "training state: 'first.x' is missing");
   CHECK_THROWS_WITH(adam.LoadState({{"first.x", torch::zeros({2})}}),
-                    "optimiser state: 'first.x': expected shape [3], found [2]");
+                    "training state: 'first.x': expected shape [3], found [2]");
 }
