@@ -127,6 +127,8 @@ struct FastFieldConfig {
   double local_extent = 0.5;          // side of the cube around p that local_hash covers, of the scene's longest side
   int64_t local_window_steps = 0;     // steps of training over which the finer half of local_hash comes in
   Choice local_frames = Choice::kOn;  // of parts that turn, so that they stand still in local_hash; on while undecided
+  bool shade = false;                 // what a part casts on others and on what stands still, with several key points
+  HashEncodingConfig shade_hash = {6, 2, 15, 8, 128};  // over x' - k_i, for the colour alone
   int64_t ambient_octaves = 2;    // of pretraining's ambient coordinates, for the density network, beside the identity
   int64_t key_point_octaves = 2;  // of the key point's, in training
   int64_t ambient_window_delay = 0;  // steps of pretraining during which the scene is taken as static
@@ -148,6 +150,10 @@ struct FastFieldConfig {
       AtLeast(0));
     v("local_frames", local_frames,
       "turn local_hash with the parts of which detection found that they turn as their key points move");
+    v("shade", shade,
+      "with several key points, let the colour see every place from each of them, whichever governs it: shadows that a "
+      "part casts on the others and on what stands still");
+    v("shade_hash", shade_hash, "hash encoding over x' - k of each key point, for shade, in a cube as local_hash's");
     v("ambient_octaves", ambient_octaves,
       "octaves of pretraining's ambient coordinates, fed to the density network beside the identity", Between(0, 10));
     v("key_point_octaves", key_point_octaves,

@@ -58,6 +58,7 @@ std::optional<ConfigViolation> FindViolation(const Config& config) {
   if (Found found = BadSkip(field.nerf, "field.nerf")) return found;
   if (Found found = BadResolutions(field.fast.canonical_hash, "field.fast.canonical_hash")) return found;
   if (Found found = BadResolutions(field.fast.local_hash, "field.fast.local_hash")) return found;
+  if (Found found = BadResolutions(field.fast.shade_hash, "field.fast.shade_hash")) return found;
   if (Found found = BadSchedule(config.pretrain, "pretrain")) return found;
   if (Found found = BadSchedule(config.train, "train")) return found;
   if (Found found = MissingWeights(config.flow)) return found;

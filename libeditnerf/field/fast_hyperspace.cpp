@@ -73,6 +73,10 @@ FastHyperspace::FastHyperspace(const FastHyperspaceOptions& options) : options_(
     local_table_ = register_parameter("local_table", MakeTable(config.local_hash));
     features += Width(config.local_hash);
   }
+  if (HasShade()) {
+    shade_resolutions_ = Resolutions(config.shade_hash, RoomsFor(options_.num_key_points));
+    shade_table_ = register_parameter("shade_table", MakeTable(config.shade_hash));
+  }
   const Box& box = options_.box;
   box_low_ = register_buffer("box_low", torch::tensor({box.low.x, box.low.y, box.low.z}, torch::kFloat32));
   MlpOptions density;
@@ -82,7 +86,8 @@ FastHyperspace::FastHyperspace(const FastHyperspaceOptions& options) : options_(
   density.out = 1 + config.geometry_features;
   density_network_ = register_module("density_network", Mlp(density));
   MlpOptions color;
-  color.in = config.geometry_features + (options_.use_direction ? kNumSphericalHarmonics : 0) + options_.appearance_dim;
+  color.in = config.geometry_features + (options_.use_direction ? kNumSphericalHarmonics : 0) +
+             options_.appearance_dim + (HasShade() ? Width(config.shade_hash) : 0);
   color.depth = config.color_depth;
   color.width = config.width;
   color.out = 3;
@@ -98,20 +103,36 @@ void FastHyperspace::SetStep(int64_t step) {
   ambient_window_ = WindowAlpha(step, options_.config.ambient_window_delay, options_.config.ambient_window_steps, 1);
 }
 
+torch::Tensor FastHyperspace::InLocalCube(const torch::Tensor& offset, torch::Tensor* fade) const {
+  torch::Tensor local = offset / (options_.box.LongestSide() * options_.config.local_extent);
+  const torch::Tensor margin = 1 - 2 * std::get<0>(local.detach().abs().max(-1, true));
+  *fade = (margin / kFade).clamp(0, 1);
+  return local;
+}
+
+torch::Tensor FastHyperspace::ShadeFeatures(const HyperspaceInput& input) const {
+  const int64_t samples = input.x_canonical.size(0), number = options_.num_key_points;
+  CheckShape(input.from_keys, {samples, number, 3}, "fast field from_keys");
+  torch::Tensor fade;
+  const torch::Tensor unit =
+      ((InLocalCube(input.from_keys, &fade) + 0.5).clamp(0, 1) + rooms_) / static_cast<double>(RoomsFor(number));
+  const torch::Tensor encoded = HashEncode(unit.reshape({-1, 3}), shade_table_, shade_resolutions_);
+  return (encoded.view({samples, number, -1}) * fade).sum(1);
+}
+
 torch::Tensor FastHyperspace::LocalFeatures(const HyperspaceInput& input) const {
   const int64_t samples = input.x_canonical.size(0), number = options_.num_key_points;
   CheckShape(input.local, {samples, 3}, "fast field local");
   const FastFieldConfig& config = options_.config;
-  const torch::Tensor local = input.local / (options_.box.LongestSide() * config.local_extent);  // in [-0.5, 0.5]
-  const torch::Tensor margin = 1 - 2 * std::get<0>(local.detach().abs().max(1, true));
-  torch::Tensor unit = local + 0.5;
+  torch::Tensor fade;
+  torch::Tensor unit = InLocalCube(input.local, &fade) + 0.5;
   if (number > 1) {
     CheckShape(input.weights, {samples, number}, "fast field weights");
     unit = unit.clamp(0, 1);
     for (int64_t i = 0; i < number; ++i) unit = unit + input.weights.slice(1, i, i + 1) * rooms_[i];
     unit = unit / static_cast<double>(RoomsFor(number));
   }
-  torch::Tensor encoded = HashEncode(unit, local_table_, local_resolutions_) * (margin / kFade).clamp(0, 1);
+  torch::Tensor encoded = HashEncode(unit, local_table_, local_resolutions_) * fade;
   if (local_windows_.empty()) return encoded;
   const torch::Tensor windows = torch::tensor(local_windows_, encoded.options());
   return encoded * windows.repeat_interleave(config.local_hash.features_per_level);
@@ -142,6 +163,7 @@ HyperspaceOutput FastHyperspace::Evaluate(const HyperspaceInput& input) {
     CheckShape(input.appearance, {out.size(0), options_.appearance_dim}, "fast field appearance");
     features.push_back(input.appearance);
   }
+  if (HasShade()) features.push_back(ShadeFeatures(input));
   HyperspaceOutput result;
   result.density = TruncatedExp(out.select(1, 0) + options_.config.density_bias);
   result.radiance = color_network_->forward(features).sigmoid();
@@ -155,6 +177,7 @@ void FastHyperspace::AddTo(FusedField* field) const {
   field->low = {static_cast<float>(low.x), static_cast<float>(low.y), static_cast<float>(low.z)};
   field->side = static_cast<float>(options_.box.LongestSide());
   if (options_.num_key_points > 0) field->local = {local_table_, local_resolutions_, local_copy_};
+  if (HasShade()) field->shade = {shade_table_, shade_resolutions_, shade_copy_};
   field->local_windows = local_windows_;
   field->local_side = static_cast<float>(options_.box.LongestSide() * config.local_extent);
   field->fade_margin = static_cast<float>(kFade);

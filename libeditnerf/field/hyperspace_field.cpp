@@ -137,6 +137,9 @@ HyperspaceInput HyperspaceField::ToHyperspace(const FieldInput& input, const Fra
     if (weights_) output->weights = weights_->forward(inner.x_canonical);
     output->anchor = WeightedKeyPoint(output->weights, states.key_points, input.state);
     inner.weights = output->weights;
+    if (weights_) {
+      inner.from_keys = (inner.x_canonical.unsqueeze(1) - states.key_points.index_select(0, input.state)).detach();
+    }
     inner.local = inner.x_canonical - output->anchor;
     if (local_frames_) {
       inner.local = InLocalFrames(inner.x_canonical, output->weights, states.key_points,

@@ -56,7 +56,7 @@ FieldKernel::FieldKernel(const FusedField& field, const FusedStates& states)
       slicing_(field.slicing, field.bf16) {
   CheckFused(field, states);
   open_levels_ = OpenLocalLevels(field);
-  for (FusedHash* hash : {&field_.canonical, &field_.local}) {
+  for (FusedHash* hash : {&field_.canonical, &field_.local, &field_.shade}) {
     if (field_.bf16 == Bf16Unit::kNone || !hash->table.defined()) hash->bf16.reset();
     if (hash->bf16) hash->bf16->Refresh(hash->table);
   }
@@ -205,10 +205,48 @@ void FieldKernel::Density(const int32_t* state, int64_t count, bool for_gradient
   DensityOf(tile.Row(rows_.density_out), field_.density_bias, field_.density_limit, count, tile.Row(rows_.density));
 }
 
+// Every place as each key point sees it, in the key point's room.
+void FieldKernel::Shade(const int32_t* state, int64_t count, TileMemory& tile) const {
+  const int64_t n = field_.num_key_points, rooms = RoomsFor(n);
+  const int64_t levels = rows_.shade_features / 2, padded = PaddedSamples(count);
+  const auto per_room = 1 / static_cast<float>(rooms);
+  const float* const x = tile.Row(rows_.x);
+  for (int64_t i = 0; i < n; ++i) {
+    float *const unit = tile.Row(rows_.shade_unit + 3 * i), *const fade = tile.Row(rows_.shade_fade + i);
+    for (int64_t s = 0; s < count; ++s) {
+      const float* const key = KeyPoints(state[s]) + 3 * i;
+      for (int64_t axis = 0; axis < 3; ++axis) TileRow(unit, axis)[s] = TileRow(x, axis)[s] - key[axis];
+    }
+    LocalCoordinates(unit, nullptr, field_.local_side, field_.fade_margin, count, unit, fade);
+    const auto corner = RoomOf(i, rooms);
+    for (int64_t axis = 0; axis < 3; ++axis) {
+      float* const row = TileRow(unit, axis);
+      for (int64_t s = 0; s < padded; ++s) row[s] = (row[s] + corner[static_cast<size_t>(axis)]) * per_room;
+    }
+    float *const sum = tile.Row(rows_.shade), *const each = i == 0 ? sum : tile.Row(rows_.shade_each);
+    Encode(field_.shade, levels, unit, count, each);
+    if (i == 0) {
+      ScaleRows(fade, rows_.shade_features, count, sum);
+    } else {
+      AddScaledRows(fade, each, rows_.shade_features, count, sum);
+    }
+  }
+}
+
+// grad [N shade_features]: the first of them with respect to the sum in, with respect to each key point's look-up out.
+void FieldKernel::ShadeBackward(int64_t count, const TileMemory& tile, float* grad) const {
+  for (int64_t i = field_.num_key_points; i-- > 0;) {
+    float* const own = TileRow(grad, i * rows_.shade_features);
+    if (i > 0) std::copy_n(grad, rows_.shade_features * kTileStride, own);
+    ScaleRows(tile.Row(rows_.shade_fade + i), rows_.shade_features, count, own);
+  }
+}
+
 void FieldKernel::Color(const int32_t* state, int64_t count, bool for_gradients, TileMemory& tile) const {
   if (field_.appearance_dim > 0) {
     SpreadRows(appearances_, field_.appearance_dim, state, count, tile.Row(rows_.appearance));
   }
+  if (rows_.shade_features > 0) Shade(state, count, tile);
   color_.Forward(tile.Row(rows_.density_out + 1), count, tile.Row(rows_.color_act), for_gradients);
   Sigmoid(3, count, tile.Row(rows_.color));
 }
@@ -227,10 +265,12 @@ void FieldKernel::Backward(int64_t count, TileMemory& tile, TileMemory& scratch,
   c10::SmallVector<InputGradient, 3> parts;
   parts.push_back({0, geometry, TileRow(grad_out, 1)});
   if (field_.appearance_dim > 0) {
-    parts.push_back({color_.in() - field_.appearance_dim, field_.appearance_dim, to.appearance});
+    parts.push_back({color_.in() - rows_.shade_features - field_.appearance_dim, field_.appearance_dim, to.appearance});
   }
+  if (rows_.shade_features > 0) parts.push_back({color_.in() - rows_.shade_features, rows_.shade_features, to.shade});
   color_.Backward(tile.Row(rows_.density_out + 1), tile.Row(rows_.color_act), tile.Row(rows_.grad_color), count,
                   networks, sums.color, parts);
+  if (rows_.shade_features > 0) ShadeBackward(count, tile, to.shade);
 
   float *const grad_encoded = scratch.Row(0), *const grad_ambient = scratch.Row(rows_.ambient_features);
   parts.clear();

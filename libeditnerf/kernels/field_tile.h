@@ -22,6 +22,7 @@ struct FieldSums {
 struct TileGradients {
   float* canonical = nullptr;   // [canonical_features], with respect to the hash features
   float* local = nullptr;       // [local_features]
+  float* shade = nullptr;       // [N shade_features], of each key point's look-up
   float* keys = nullptr;        // [3 N], with respect to the samples' key points, scene units
   float* frames = nullptr;      // [9 N], with respect to their local frames
   float* code = nullptr;        // [code_dim]
@@ -63,6 +64,8 @@ class FieldKernel {
     return field_.num_key_points > 1 ? tile.Row(rows_.weights) : nullptr;
   }
   void Slices(const int32_t* state, int64_t count, bool for_gradients, TileMemory& tile) const;
+  void Shade(const int32_t* state, int64_t count, TileMemory& tile) const;
+  void ShadeBackward(int64_t count, const TileMemory& tile, float* grad) const;
   void GoToRooms(int64_t count, TileMemory& tile) const;
   void RoomsBackward(int64_t count, const float* grad, float factor, float* grad_weights) const;
   void ScaleByWindows(int64_t count, float* local_features) const;

@@ -43,9 +43,9 @@ void CheckIn(const MlpLayers& layers, int64_t in, const char* name) {
 }  // namespace
 
 bool CanFuse(const FusedField& field) {
-  return IsPlain(field.canonical) && IsPlain(field.local) && IsPlain(field.weights) && IsPlain(field.slicing) &&
-         IsPlain(field.density) && IsPlain(field.color) && IsPlain(field.anchors) && IsPlain(field.key_scale) &&
-         IsPlain(field.key_offset) &&
+  return IsPlain(field.canonical) && IsPlain(field.local) && IsPlain(field.shade) && IsPlain(field.weights) &&
+         IsPlain(field.slicing) && IsPlain(field.density) && IsPlain(field.color) && IsPlain(field.anchors) &&
+         IsPlain(field.key_scale) && IsPlain(field.key_offset) &&
          std::max({field.weight_octaves, field.slicing_octaves, field.ambient_octaves}) <= kMostFusedOctaves;
 }
 
@@ -88,6 +88,7 @@ FieldRows::FieldRows(const FusedField& field) {
   };
   canonical_features = Width(field.canonical);
   local_features = Width(field.local);
+  shade_features = Width(field.shade);
   ambient_features = field.ambient_dim > 0 ? Encoded(field.ambient_dim, field.ambient_octaves) : 0;
   num_features = canonical_features + local_features + ambient_features;
 
@@ -110,10 +111,14 @@ FieldRows::FieldRows(const FusedField& field) {
   density_out = take(OutOf(field.density));
   harmonics = take(field.use_direction ? kNumHarmonics : 0);
   appearance = take(field.appearance_dim);
+  shade = take(shade_features);
   color_act = take(Activations(field.color));
   color = next - OutOf(field.color);
   grad_density_out = take(OutOf(field.density));
   grad_color = take(3);
+  shade_unit = take(shade_features > 0 ? 3 * n : 0);
+  shade_fade = take(shade_features > 0 ? n : 0);
+  shade_each = take(shade_features);
   pull = take(1);
   count = next;
   for_gradients = {{0, harmonics}};

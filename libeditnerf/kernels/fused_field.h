@@ -4,7 +4,7 @@
 //   a = p in local coordinates, or in pretraining the slice S(gamma(x), beta_t)
 //   l = x - p, or in local frames sum_i w^i R_t^i (x - k_t^i)
 //   (log sigma, g) = density network (hash(x), fade hash(l), window gamma(a))
-//   c = sigmoid(colour network (g, harmonics(d), alpha_t))
+//   c = sigmoid(colour network (g, harmonics(d), alpha_t, s)),  s = sum_i fade hash(x - k_t^i)
 //
 // field/fast_hyperspace.h and its neighbours are the same in LibTorch's operations, and what these kernels are tested
 // against. What a field does not have is left empty here and costs nothing.
@@ -47,6 +47,7 @@ struct FusedField {
   float side = 1;                    // scene units
   FusedHash local;                   // over l / local_side + 1/2; for N > 1 that + sum_i w^i room_i, over rooms
   float local_side = 1;              // scene units
+  FusedHash shade;                   // over (x - k_i) / local_side + 1/2 + room_i, over rooms; N > 1 alone
   std::vector<float> local_windows;  // L factors of its features; empty: 1
   float fade_margin = 0.125;         // share of the local cube's half side over which its features fade to zero
 
@@ -112,14 +113,16 @@ struct FieldRows {
   int64_t features, density_act;           // input and activations of the density network
   int64_t density_out;                     // its output: log density, geometry features
   int64_t density;                         // 1, per scene unit
-  int64_t harmonics, appearance;           // behind the geometry features, with them the colour network's input
+  int64_t harmonics, appearance, shade;    // behind the geometry features, with them the colour network's input
   int64_t color_act, color;                // activations, the last 3 of which are the radiance
   int64_t grad_density_out;                // 1 + geometry features
   int64_t grad_color;                      // 3, before the sigmoid
+  int64_t shade_unit, shade_fade;          // 3 N and N, coordinates and fading of the shade encoding
+  int64_t shade_each;                      // its features of one key point
   int64_t pull;                            // 1: factor on the ambient coordinates that is added to their gradient
   int64_t count;                           // of all rows
 
-  int64_t num_features, ambient_features, canonical_features, local_features;
+  int64_t num_features, ambient_features, canonical_features, local_features, shade_features;
 
   // What the density pass leaves of each sample for the passes to come.
   std::vector<RowRange> for_gradients, for_pictures;

@@ -24,6 +24,7 @@ std::vector<int64_t> SizesOf(const FusedField& field) {
   };
   add(field.canonical.table);
   add(field.local.table);
+  add(field.shade.table);
   for (const MlpLayers* layers : {&field.density, &field.color, &field.weights, &field.slicing}) {
     for (const at::Tensor& weight : layers->weights) add(weight);
   }
@@ -82,7 +83,7 @@ struct FusedRays::Part {
   int64_t begin = 0, end = 0;
 
   explicit Part(const FieldKernel& field)
-      : sizes(SizesOf(field.field())), sums(field.MakeSums()), features(field.rows()) {}
+      : sizes(SizesOf(field.field())), sums(field.MakeSums()), features(field.rows(), field.field().num_key_points) {}
   bool Fits(const FieldKernel& field) const { return sizes == SizesOf(field.field()); }
 };
 
@@ -131,8 +132,12 @@ void FusedRays::TrainPart(const FieldKernel& field, const BundledRays& rays, con
       const FeatureGradients::Tile features = part.features.Next(tile.count);
       std::copy_n(tile.memory.Row(rows.unit), 3 * kTileStride, features.unit);
       if (rows.local_features > 0) std::copy_n(tile.memory.Row(rows.local), 3 * kTileStride, features.local);
-      const TileGradients to = {features.canonical,      features.locals,       worker.to_keys.rows(),
-                                worker.to_frames.rows(), worker.to_code.rows(), worker.to_appearance.rows()};
+      if (rows.shade_features > 0) {
+        std::copy_n(tile.memory.Row(rows.shade_unit), 3 * field.field().num_key_points * kTileStride, features.shade);
+      }
+      const TileGradients to = {features.canonical,         features.locals,         features.shades,
+                                worker.to_keys.rows(),      worker.to_frames.rows(), worker.to_code.rows(),
+                                worker.to_appearance.rows()};
       field.Backward(tile.count, tile.memory, worker.scratch, part.sums, to);
       const float* const slots = tile.memory.Row(rows.slot);
       for (int64_t s = 0; s < tile.count; ++s) {

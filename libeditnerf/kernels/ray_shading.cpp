@@ -118,7 +118,9 @@ int64_t RayShading::ColorSeen(const FieldKernel& field, const BundledRays& rays,
       if (keep[s] > 0) seen_samples_.push_back(static_cast<int32_t>(i * kTile + s));
     }
     const int64_t outputs = field.field().density.weights.back().size(0);
-    for (const RowRange& range : {RowRange{rows.slot, 1}, RowRange{rows.density_out, outputs}}) {
+    const int64_t axes = rows.shade_features > 0 ? 3 : 0;
+    for (const RowRange& range :
+         {RowRange{rows.slot, 1}, RowRange{rows.x, axes}, RowRange{rows.density_out, outputs}}) {
       AppendKept(keep, tile.memory.Row(range.first), tile.count, range.count, at, seen_[0]->Row(range.first),
                  seen_[1]->Row(range.first));
     }

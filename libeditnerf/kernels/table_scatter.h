@@ -21,9 +21,12 @@ class FeatureGradients {
     float* local;      // [3], of the local one
     float* canonical;  // [canonical_features]
     float* locals;     // [local_features]
+    float* shade;      // [3 N], coordinates of the shade encoding
+    float* shades;     // [N shade_features]
   };
 
-  explicit FeatureGradients(const FieldRows& rows) : rows_(rows) {}
+  FeatureGradients(const FieldRows& rows, int64_t num_key_points)
+      : rows_(rows), shades_(rows.shade_features > 0 ? num_key_points : 0) {}
 
   void Clear() { used_ = 0; }
   Tile Next(int64_t count);  // room for another tile
@@ -38,11 +41,12 @@ class FeatureGradients {
     explicit Block(int64_t rows) : memory(rows) {}
   };
   FieldRows rows_;
+  int64_t shades_;  // N, where there is shade
   std::vector<std::unique_ptr<Block>> blocks_;
   int64_t used_ = 0;
 };
 
-// Adds the gradients of both tables to their `.grad`, over all tiles of all lists in order.
+// Adds the gradients of all tables to their `.grad`, over all tiles of all lists in order.
 void ScatterToTables(const FusedField& field, const std::vector<const FeatureGradients*>& lists);
 
 }  // namespace editnerf

@@ -146,6 +146,7 @@ int64_t FewestNumbers(const Config& config, FieldStage stage, int64_t key_points
     numbers += Entries(fast.canonical_hash) + BetweenLayers(fast.density_depth, fast.width) +
                BetweenLayers(fast.color_depth, fast.width);
     if (!pretrain && key_points > 0) numbers += Entries(fast.local_hash);
+    if (!pretrain && key_points > 1 && fast.shade) numbers += Entries(fast.shade_hash);
   } else {
     numbers += 2 * BetweenLayers(field.nerf.depth, field.nerf.width);  // coarse and fine
   }

@@ -5,7 +5,7 @@
 
 namespace editnerf {
 
-void LoadInto(const SavedState& state, const std::string& key, torch::Tensor target) {
+void LoadInto(const SavedState& state, const std::string& key, const torch::Tensor& target) {
   const auto found = state.find(key);
   if (found == state.end()) Throw<CheckpointError>("training state: '{}' is missing", key);
   if (found->second.sizes() != target.sizes()) {

@@ -11,7 +11,7 @@ namespace editnerf {
 using SavedState = std::map<std::string, torch::Tensor>;
 
 // Copies `key` into `target`, in place; throws CheckpointError if it is missing or has another shape.
-void LoadInto(const SavedState& state, const std::string& key, torch::Tensor target);
+void LoadInto(const SavedState& state, const std::string& key, const torch::Tensor& target);
 
 // What lies under `prefix`, by the rest of its names.
 SavedState Under(const std::string& prefix, const SavedState& state);

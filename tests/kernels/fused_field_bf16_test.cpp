@@ -29,6 +29,7 @@ TEST_CASE("fused gradients in bfloat16 are those of float32 but for rounding") {
       INFO(NameOf(unit) << ", " << key_points << " key points");
       Setting setting;
       setting.key_points = key_points;
+      setting.shade = key_points % 2 == 1;
       setting.early_stop = 0;  // the same samples, whatever their densities
       setting.kernel = "bf16";
       const auto field = MakeField(setting);
@@ -61,6 +62,7 @@ TEST_CASE("fused gradients in bfloat16 are near those of float32 for odd numbers
         INFO(NameOf(unit) << ", stage " << static_cast<int>(stage) << ", " << samples << " samples");
         Setting setting = OneRay(samples, /*key_points=*/3);
         setting.stage = stage;
+        setting.shade = samples > 7;
         setting.kernel = "bf16";
         const auto field = MakeField(setting);
         REQUIRE(field->Fused()->bf16 == unit);

@@ -30,6 +30,7 @@ struct Setting {
   double density_bias = 0.5;
   bool start = false;  // rays that begin on their way
   int64_t window_steps = 0, step = 1000000;
+  bool shade = false;
   bool turning = false;  // parts that turn as their key points move
   std::string kernel = "fp32";
   Box box = kBox;
@@ -52,6 +53,8 @@ inline HyperspaceFieldOptions OptionsFor(const Setting& setting) {
   hash.num_levels = 5, hash.log2_table_size = 10, hash.base_resolution = 4, hash.finest_resolution = 40;
   config.fast.local_hash = hash;
   config.fast.local_hash.num_levels = 4;
+  config.fast.shade = setting.shade;
+  config.fast.shade_hash = {3, 2, 10, 4, 20};
   config.fast.kernel = setting.kernel;
   config.fast.width = 40;
   config.fast.local_window_steps = setting.window_steps;

@@ -26,7 +26,8 @@ Found CheckAgainstModules(const Setting& setting, HyperspaceField& field, const 
                           const RayObjective& objective, const RayOptions& options) {
   INFO("stage " << static_cast<int>(setting.stage) << ", " << setting.key_points << " key points, appearance "
                 << setting.appearance << ", direction " << setting.direction << ", " << setting.rays << " rays, "
-                << setting.steps << " steps, early stop " << setting.early_stop << ", turning " << setting.turning);
+                << setting.steps << " steps, early stop " << setting.early_stop << ", turning " << setting.turning
+                << ", shade " << setting.shade);
   RayRenderer renderer = MakeRenderer(field, setting);
   const Found exact = ModuleByModule(field, renderer, rays, options, objective, torch::kFloat64);
   const Found expected = ModuleByModule(field, renderer, rays, options, objective, torch::kFloat32);
@@ -95,6 +96,27 @@ TEST_CASE("fused gradients are those of the modules where parts turn") {
     setting.turning = true;
     setting.appearance = key_points == 2;
     CheckAgainstModules(setting);
+  }
+}
+
+TEST_CASE("fused gradients are those of the modules where parts shade others") {
+  torch::manual_seed(18);
+  for (int64_t key_points = 1; key_points <= 8; ++key_points) {
+    Setting setting;
+    setting.key_points = key_points;
+    setting.shade = true;
+    setting.turning = key_points == 3;
+    setting.appearance = key_points % 2 == 0;
+    setting.direction = key_points < 5;
+    const auto gradients = [&] {
+      const auto field = MakeField(setting);
+      const Found found = CheckAgainstModules(setting, *field, RandomRays(setting.rays), ObjectiveFor(setting),
+                                              RandomOptions(setting.rays));
+      return found.gradients;
+    }();
+    const auto table = gradients.find("fine.shade_table");
+    REQUIRE((table != gradients.end()) == (key_points > 1));  // with one, the local encoding has it all
+    if (key_points > 1) CHECK(table->second.abs().sum().item<double>() > 0);
   }
 }
 
@@ -169,6 +191,8 @@ TEST_CASE("fused gradients are those of the modules for every instruction set of
     CheckAgainstModules(setting);
     setting.turning = true;
     CheckAgainstModules(setting);
+    setting.shade = true;
+    CheckAgainstModules(setting);
     setting.key_points = 1;
     CheckAgainstModules(setting);
     setting.turning = false;
@@ -186,6 +210,7 @@ TEST_CASE("fused gradients are those of the modules for odd numbers of samples, 
       const int64_t samples = kSamples[key_points % 4];
       Setting setting = OneRay(samples, key_points);
       setting.turning = samples > 7;
+      setting.shade = key_points % 2 == 0;
       setting.appearance = samples == 7;
       const auto field = MakeField(setting);
       const RayBatch rays = RayInside();
@@ -256,7 +281,7 @@ TEST_CASE("fused pictures are those of the modules") {
       setting.rays = 300;
       setting.steps = 40;
       setting.density_bias = 2;
-      setting.turning = key_points == 3;
+      setting.turning = setting.shade = key_points == 3;
       const auto field = MakeField(setting);
       RayRenderer renderer(ConfigFor(setting), kNear, kFar, kBox);
       const RayBatch rays = RandomRays(setting.rays);

@@ -43,7 +43,7 @@ TEST_CASE("the fused pass allocates nothing for rays and samples once sizes have
   const int64_t key_points = GENERATE(1, 3);
   INFO(kernel << ", " << key_points << " key points");
   Setting setting;
-  setting.kernel = kernel, setting.key_points = key_points, setting.rays = 4096;
+  setting.kernel = kernel, setting.key_points = key_points, setting.rays = 4096, setting.shade = true;
   const auto field = MakeField(setting);
   RayRenderer renderer = MakeRenderer(*field, setting);
   const RayBatch rays = RandomRays(setting.rays);
