@@ -44,6 +44,10 @@ TEST_CASE("a run for the browser", "[.][browser-run]") {
   Config config = SmallFast();
   config.train.steps = 400;
   config.train.rays_per_step = 1024;
+  // A few hundred steps settle best under a rate that falls; and the page is asked to change one part at a time, where
+  // shadows would reach the others.
+  config.train.final_learning_rate = 1e-3;
+  config.train.average_weights = config.field.fast.shade = false;
   Trainer trainer(MakeRun(config, FieldStage::kTrain, scene, TracksOfRims(scene), torch::kCPU), scene, std::nullopt,
                   folder);
   for (int64_t step = 0; step < config.train.steps; ++step) trainer.Step();

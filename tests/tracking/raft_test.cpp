@@ -147,11 +147,12 @@ TEST_CASE("RAFT reproduces the published program's flow with the published weigh
     const auto image = [&](const char* name) { return ReadImage(*shared / "data" / "hand" / "images" / name); };
     const torch::Tensor flow = raft.Flow(image(pairs[i].first), image(pairs[i].second));
     const torch::Tensor sample = flow.slice(0, 0, flow.size(0), 32).slice(1, 0, flow.size(1), 32);
-    // Single pixels of an unstable flow follow the rounding of the matrix products: 9e-4 with one version of LibTorch,
-    // 1.1e-3 with another.
     const torch::Tensor error = (sample - expected[static_cast<int64_t>(i)]).abs();
-    CHECK(error.max().item<double>() < 2e-3);
-    CHECK(error.mean().item<double>() < 1e-4);
+    const bool neighbours = i < 2;
+    // Ten frames apart, single pixels of an unstable flow follow the rounding of the matrix products: 9e-4 with one
+    // version of LibTorch, 1.1e-3 with another, 3.1e-3 with the vectors of AVX2.
+    CHECK(error.max().item<double>() < (neighbours ? 1e-3 : 1e-2));
+    CHECK(error.mean().item<double>() < (neighbours ? 2e-5 : 2e-4));
   }
 }
 
