@@ -195,6 +195,7 @@ struct FieldConfig {
   bool HasWarp() const { return warp.enabled == Choice::kOn; }
   bool HasAppearance() const { return use_appearance == Choice::kOn; }
   bool HasViewDirection() const { return use_view_direction != Choice::kOff; }
+  bool HasShade() const { return kind == "fast" && fast.shade; }
   bool HasLocalFrames() const { return kind == "fast" && fast.local_frames != Choice::kOff; }
 
   template <class Visitor>

@@ -137,9 +137,6 @@ HyperspaceInput HyperspaceField::ToHyperspace(const FieldInput& input, const Fra
     if (weights_) output->weights = weights_->forward(inner.x_canonical);
     output->anchor = WeightedKeyPoint(output->weights, states.key_points, input.state);
     inner.weights = output->weights;
-    if (weights_) {
-      inner.from_keys = (inner.x_canonical.unsqueeze(1) - states.key_points.index_select(0, input.state)).detach();
-    }
     inner.local = inner.x_canonical - output->anchor;
     if (local_frames_) {
       inner.local = InLocalFrames(inner.x_canonical, output->weights, states.key_points,
@@ -157,6 +154,9 @@ FieldOutput HyperspaceField::Evaluate(const FieldInput& input, const FrameStates
   HyperspaceInput inner = ToHyperspace(input, states, &output);
   if (options_.config.HasViewDirection()) inner.direction = input.direction;
   if (appearance_codes_) inner.appearance = RowsOf(states.appearance_code, input.state, "appearance codes");
+  if (weights_ && options_.config.HasShade()) {
+    inner.from_keys = (inner.x_canonical.unsqueeze(1) - states.key_points.index_select(0, input.state)).detach();
+  }
   const HyperspaceOutput result = (level == Level::kCoarse && coarse_ ? coarse_ : fine_)->Evaluate(inner);
   output.density = result.density;
   output.radiance = result.radiance;

@@ -121,7 +121,13 @@ Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage
   Trainer trainer(loaded.run, scene, std::move(detected.supervision), request.out);
   trainer.SetDepthTargets(depth);
   trainer.SetKnownPlaces(Joined(detected.still_depth, detected.part_depth));
-  if (resumed) trainer.Resume(std::exchange(loaded.extra, {}));
+  if (resumed) {
+    try {
+      trainer.Resume(std::exchange(loaded.extra, {}));
+    } catch (const CheckpointError& error) {
+      Throw<CheckpointError>("{}: {}", (request.out / "checkpoint.safetensors").string(), error.what());
+    }
+  }
   trainer.Train();
   return trainer.run();
 }

@@ -82,7 +82,7 @@ MemoryPlan PlanField(const Run& run) {
 }
 
 MemoryPlan PlanMemory(const Run& run, const Scene& scene) {
-  const StageConfig& stage = run.stage == FieldStage::kPretrain ? run.config.pretrain : run.config.train;
+  const StageConfig& stage = StageOf(run);
   const int64_t parameters = ParameterBytes(*run.field);
   MemoryPlan plan = PlanScene(scene);
   // The trainer selects the training frames' images into a tensor of their own, and the held-out ones for a moment.

@@ -50,6 +50,11 @@ struct Run {
   torch::Device device = torch::kCPU;
 };
 
+// The settings of the run's own stage.
+inline const StageConfig& StageOf(const Run& run) {
+  return run.stage == FieldStage::kPretrain ? run.config.pretrain : run.config.train;
+}
+
 // An untrained run over `scene`. For FieldStage::kTrain: `initial_tracks` [T, N, 3], scene units, and `initial_turns`
 // [T, N, 3], rotation vectors of the parts (undefined where none turns), which field.fast.local_frames makes use of.
 Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const torch::Tensor& initial_tracks,

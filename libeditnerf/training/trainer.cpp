@@ -17,8 +17,8 @@
 #include "libeditnerf/base/progress.h"
 #include "libeditnerf/training/adam_groups.h"
 #include "libeditnerf/training/drawn_states.h"
-#include "libeditnerf/training/losses.h"
 #include "libeditnerf/training/schedule.h"
+#include "libeditnerf/training/step_losses.h"
 
 namespace editnerf {
 namespace {
@@ -38,10 +38,6 @@ void AddGradients(const std::vector<torch::Tensor>& gradients, const std::vector
     torch::Tensor& sum = parameters[i].mutable_grad();
     sum = sum.defined() ? sum.add_(gradients[i]) : gradients[i];
   }
-}
-
-const StageConfig& StageOf(const Run& run) {
-  return run.stage == FieldStage::kPretrain ? run.config.pretrain : run.config.train;
 }
 
 std::string AdviceFor(const Run& run) {
@@ -90,21 +86,9 @@ void Trainer::Resume(const SavedState& extra) {
 
 double Trainer::Progress() const { return StageProgress(stage_, run_.counters.step, run_.counters.seconds_training); }
 
-void Trainer::AddKeyPointLosses(const FrameStates& states, NamedTensors* losses) const {
-  const int64_t frames = rays_.cameras().size();
-  if (!supervision_ || run_.field->num_key_points() == 0 || frames < 2) return;
-  FramePairs pairs;
-  pairs.frame = torch::arange(frames - 1, torch::kInt64).to(run_.device);
-  pairs.key_points = states.key_points.slice(0, 0, frames - 1);
-  pairs.key_points_next = states.key_points.slice(0, 1, frames);
-  if (stage_.lambda_motion > 0) {
-    losses->emplace_back("motion", stage_.lambda_motion *
-                                       MotionLoss(rays_.cameras(), supervision_->flow, pairs, stage_.reference_width));
-  }
-  if (stage_.lambda_geometry > 0) {
-    losses->emplace_back("geometry",
-                         stage_.lambda_geometry * GeometryLoss(rays_.cameras(), supervision_->depth, pairs));
-  }
+void Trainer::AddKeyPointLosses(const torch::Tensor& key_points, NamedTensors* losses) const {
+  if (!supervision_ || run_.field->num_key_points() == 0) return;
+  for (auto& term : KeyPointLosses(stage_, rays_.cameras(), *supervision_, key_points)) losses->push_back(term);
 }
 
 // As many as the last step's samples per ray allow; a fresh run starts from the most that a ray can take.
@@ -114,27 +98,6 @@ int64_t Trainer::RaysForStep() const {
   const double each = samples_per_ray_ > 0 ? samples_per_ray_ : most;
   const auto affordable = static_cast<int64_t>(static_cast<double>(stage_.samples_per_step) / each);
   return std::clamp(affordable, std::min<int64_t>(kFewestRays, stage_.rays_per_step), stage_.rays_per_step);
-}
-
-// Loss terms of some of the step's rays, as means over them.
-NamedTensors Trainer::RayLosses(const RayBatch& rays, const torch::Tensor& target, const FrameStates& states,
-                                const RayOptions& options, int64_t* samples) const {
-  const RayResult result = run_.renderer->Render(*run_.field, rays, states, options);
-  *samples = result.samples;
-  NamedTensors losses;
-  losses.emplace_back("reconstruction", ReconstructionLoss(result.rgb, result.rgb_coarse, target));
-  if (run_.config.field.HasWarp() && stage_.lambda_warp > 0) {
-    losses.emplace_back(
-        "warp", stage_.lambda_warp * WarpRegularisation(result.x_observed, result.x_canonical, result.depth_valid));
-  }
-  if (run_.stage == FieldStage::kPretrain && stage_.lambda_ambient > 0) {
-    losses.emplace_back("ambient", stage_.lambda_ambient * AmbientRegularisation(result.ambient, result.depth_valid));
-  }
-  if (stage_.lambda_distortion > 0) {
-    losses.emplace_back("distortion", stage_.lambda_distortion * result.distortion.mean());
-  }
-  if (result.depth_miss.defined()) losses.emplace_back("depth", stage_.lambda_depth * result.depth_miss);
-  return losses;
 }
 
 FrameStates Trainer::AllStates() const {
@@ -217,11 +180,11 @@ NamedTensors Trainer::Backward(const StepInput& input) {
     own.tolerance = rows(options.tolerance);
     const FrameStates states = StatesOf(batch, drawn);
     NamedTensors& terms = losses[static_cast<size_t>(part)];
-    terms = RayLosses({rows(batch.rays.origin), rows(batch.rays.direction), rows(state)}, rows(batch.target), states,
-                      own, &samples[static_cast<size_t>(part)]);
+    terms = RayLosses(run_, {rows(batch.rays.origin), rows(batch.rays.direction), rows(state)}, rows(batch.target),
+                      states, own, &samples[static_cast<size_t>(part)]);
     const double share = static_cast<double>(end - begin) / static_cast<double>(count);
     for (auto& term : terms) term.second = term.second * share;
-    if (part == 0) AddKeyPointLosses(states, &terms);
+    if (part == 0) AddKeyPointLosses(states.key_points, &terms);
     torch::Tensor total;
     for (const auto& [name, loss] : terms) total = total.defined() ? total + loss : loss;
     if (parts == 1) {
@@ -259,7 +222,7 @@ std::optional<NamedTensors> Trainer::FusedBackward(const RayTargets& batch, cons
   if (objective.depth > 0) add("depth", found->depth);
   // From the states on, LibTorch takes the gradients to the tables that they come from.
   NamedTensors others;
-  AddKeyPointLosses(states, &others);
+  AddKeyPointLosses(states.key_points, &others);
   std::vector<torch::Tensor> roots, gradients;
   for (const auto& [name, loss] : others) {
     roots.push_back(loss);

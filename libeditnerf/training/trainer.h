@@ -67,9 +67,7 @@ class Trainer {
   template <class Restore>
   void Recover(const Restore& restore);
   void Count(int64_t rays, int64_t samples);
-  NamedTensors RayLosses(const RayBatch& rays, const torch::Tensor& target, const FrameStates& states,
-                         const RayOptions& options, int64_t* samples) const;
-  void AddKeyPointLosses(const FrameStates& states, NamedTensors* losses) const;
+  void AddKeyPointLosses(const torch::Tensor& key_points, NamedTensors* losses) const;
   double Progress() const;  // in [0, 1], of steps or seconds
   std::optional<double> Measure();
   void Log(const std::map<std::string, double>& losses, std::optional<double> psnr);

@@ -108,14 +108,11 @@ TEST_CASE("fused gradients are those of the modules where parts shade others") {
     setting.turning = key_points == 3;
     setting.appearance = key_points % 2 == 0;
     setting.direction = key_points < 5;
-    const auto gradients = [&] {
-      const auto field = MakeField(setting);
-      const Found found = CheckAgainstModules(setting, *field, RandomRays(setting.rays), ObjectiveFor(setting),
-                                              RandomOptions(setting.rays));
-      return found.gradients;
-    }();
-    const auto table = gradients.find("fine.shade_table");
-    REQUIRE((table != gradients.end()) == (key_points > 1));  // with one, the local encoding has it all
+    const auto field = MakeField(setting);
+    const Found found = CheckAgainstModules(setting, *field, RandomRays(setting.rays), ObjectiveFor(setting),
+                                            RandomOptions(setting.rays));
+    const auto table = found.gradients.find("fine.shade_table");
+    REQUIRE((table != found.gradients.end()) == (key_points > 1));  // with one, the local encoding has it all
     if (key_points > 1) CHECK(table->second.abs().sum().item<double>() > 0);
   }
 }
