@@ -71,7 +71,9 @@ TEST_CASE("the hyperspace network is its layers, with density from the trunk alo
   const HyperspaceOutput output = network->Evaluate(input);
   CHECK(output.density.allclose(density, 1e-10, 1e-12));
   CHECK(output.radiance.allclose(color, 1e-10, 1e-12));
-  HyperspaceInput positions{input.x_canonical, input.ambient, {}, {}, {}, {}};
+  HyperspaceInput positions;
+  positions.x_canonical = input.x_canonical;
+  positions.ambient = input.ambient;
   CHECK(network->Density(positions).equal(output.density));
 }
 
