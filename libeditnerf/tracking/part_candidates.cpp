@@ -14,6 +14,9 @@ constexpr double kBeside = 8;        // pixels at 320 wide
 constexpr double kMostBeside = 8;    // neighbours that count
 constexpr double kSurrounded = 0.5;  // of the neighbours in the frame that has most
 constexpr double kSameDepth = 0.05;  // share of the distance within which a neighbour is the same side of the part
+constexpr double kSamePlace = 0.3;   // pixels at 320 wide: a frame that far away counts by half
+constexpr double kLeastRest = 5;     // frames in one place
+constexpr double kRestShare = 0.8;   // of the frames that the longest rest has
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
 
@@ -41,9 +44,10 @@ class PartView {
     return part_.points[best];
   }
 
-  // Of the frames in which the point is well surrounded, the one that sees the part most as all of them do. What is
-  // left of drift grows with the angle between two views of the part: from its middle, it is off by half as much at
-  // most.
+  // Of the frames in which the point is well surrounded, those of the part's longest rest, if it rests: many views
+  // agree on where it is, while one that moves is off by what its own view tells of its distance. Of those, the one
+  // that sees the part most as all of them do. What is left of drift grows with the angle between two views of the
+  // part: from its middle, it is off by half as much at most.
   int64_t ReferenceFrame(const PartPoint& point) const {
     const Vec3 position = ToVec3(point.position);
     std::vector<int64_t> frames;
@@ -58,14 +62,17 @@ class PartView {
     if (frames.empty()) return Longest(point).seed;
     const double enough = kSurrounded * *std::max_element(crowd.begin(), crowd.end());
     std::vector<double> x, y, z;
+    std::vector<bool> good;
     for (size_t i = 0; i < frames.size(); ++i) {
-      if (crowd[i] >= enough) x.push_back(view[i].x), y.push_back(view[i].y), z.push_back(view[i].z);
+      good.push_back(crowd[i] >= enough);
+      if (good[i]) x.push_back(view[i].x), y.push_back(view[i].y), z.push_back(view[i].z);
     }
+    KeepRest(frames, position, &good);
     const Vec3 middle = {Percentile(x, 0.5), Percentile(y, 0.5), Percentile(z, 0.5)};
     size_t best = 0;
     double nearest = std::numeric_limits<double>::infinity();
     for (size_t i = 0; i < frames.size(); ++i) {
-      if (crowd[i] < enough) continue;
+      if (!good[i]) continue;
       if (const double apart = Norm(view[i] - middle); apart < nearest) nearest = apart, best = i;
     }
     return frames[best];
@@ -91,6 +98,27 @@ class PartView {
   }
 
  private:
+  // Of the good ones among the frames, only those in which the point is where it is in most others; all, if it rests
+  // nowhere.
+  void KeepRest(const std::vector<int64_t>& frames, const Vec3& position, std::vector<bool>* good) const {
+    std::vector<Vec3> place;
+    for (const int64_t t : frames) place.push_back(part_.Place(t, position));
+    std::vector<double> rest;
+    double longest = 0;
+    for (size_t i = 0; i < frames.size(); ++i) {
+      const Camera& camera = clip_.cameras[At(frames[i])];
+      const double pixels = camera.focal_length / clip_.PixelScale() / Norm(place[i] - camera.position);
+      rest.push_back(0);
+      for (const Vec3& other : place) {
+        const double apart = Norm(other - place[i]) * pixels / kSamePlace;
+        rest.back() += 1 / (1 + apart * apart);
+      }
+      if ((*good)[i]) longest = std::max(longest, rest.back());
+    }
+    if (longest < kLeastRest) return;
+    for (size_t i = 0; i < frames.size(); ++i) (*good)[i] = (*good)[i] && rest[i] >= kRestShare * longest;
+  }
+
   const FlowTrack& Longest(const PartPoint& point) const {
     const auto longest = std::max_element(point.tracks.begin(), point.tracks.end(), [&](size_t a, size_t b) {
       return tracks_[a].pixel.size() < tracks_[b].pixel.size();
