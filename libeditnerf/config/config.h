@@ -62,6 +62,7 @@ struct StageConfig {
   double key_point_learning_rate = 1.0;  // multiplies the learning rate of key points and local frames
   double code_learning_rate = 1.0;       // multiplies the learning rate of the per-frame codes
   double shape_learning_rate = 1.0;      // multiplies the learning rate of warp field, slices and weights
+  double shade_decay = 0;                // decay of the shade encoding, see AdamGroup
   double lambda_motion = 1e-4;           // of squared pixels at reference_width
   double reference_width = 320;          // image width that lambda_motion's pixels refer to
   double lambda_geometry = 0.5;
@@ -97,6 +98,10 @@ struct StageConfig {
     v("code_learning_rate", code_learning_rate, "factor on the learning rate for per-frame codes", AtLeast(0));
     v("shape_learning_rate", shape_learning_rate,
       "factor on the learning rate for the warp field, the slicing and the weight network", AtLeast(0));
+    v("shade_decay", shade_decay,
+      "how fast what is not needed of field.fast.shade is forgotten: the learning rate times this, in every step "
+      "(training)",
+      Between(0.0, 100.0));
     v("lambda_motion", lambda_motion, "weight of the motion loss, per squared pixel at reference_width", AtLeast(0));
     v("reference_width", reference_width, "image width to which lambda_motion's pixels refer", Positive());
     v("lambda_geometry", lambda_geometry, "weight of the geometry loss", AtLeast(0));

@@ -39,13 +39,22 @@ Adam::Adam(const std::vector<AdamGroup>& groups, const AdamOptions& options) : o
   for (const AdamGroup& group : groups) {
     for (const auto& [name, parameter] : group.parameters) {
       slots_.push_back({name, parameter, torch::zeros_like(parameter).detach(), torch::zeros_like(parameter).detach(),
-                        group.learning_rate_factor, group.skip_untouched});
+                        group.learning_rate_factor, group.skip_untouched, group.decay});
     }
   }
 }
 
 void Adam::Step(double learning_rate) {
   const torch::NoGradGuard no_grad;
+  for (Slot& slot : slots_) {
+    if (slot.decay > 0 && slot.parameter.grad().defined()) {
+      slot.parameter.mul_(1 - learning_rate * slot.factor * slot.decay);
+    }
+  }
+  FollowGradients(learning_rate);
+}
+
+void Adam::FollowGradients(double learning_rate) {
   ++steps_;
   Update update{0, options_.beta1, options_.beta2, options_.epsilon, 0, 0};
   update.correction1 = 1 - std::pow(options_.beta1, static_cast<double>(steps_));

@@ -18,6 +18,9 @@ struct AdamGroup {
   std::vector<std::pair<std::string, torch::Tensor>> parameters;  // unique names across groups
   double learning_rate_factor = 1;                                // multiplies the learning rate of each step
   bool skip_untouched = false;  // leave entries with zero gradient alone; Step may clear the gradients that it used
+  // After each step everything here is multiplied by 1 - decay * learning rate, untouched or not (decoupled weight
+  // decay, Loshchilov and Hutter, ICLR 2019).
+  double decay = 0;
 };
 
 struct AdamOptions {
@@ -48,8 +51,11 @@ class Adam {
     torch::Tensor parameter, first, second;
     double factor;
     bool skip_untouched;
+    double decay;
     bool cleared = false;  // by Step
   };
+
+  void FollowGradients(double learning_rate);
 
   std::vector<Slot> slots_;
   AdamOptions options_;

@@ -21,21 +21,23 @@ bool IsMotion(const std::string& name) { return Contains(name, "key_points.") ||
 }  // namespace
 
 std::vector<AdamGroup> AdamGroupsFor(const HyperspaceField& field, const StageConfig& stage) {
-  AdamGroup networks, shape, tables, codes, motion;
+  AdamGroup networks, shape, tables, shade, codes, motion;
   shape.learning_rate_factor = stage.shape_learning_rate;
-  tables.skip_untouched = true;
+  tables.skip_untouched = shade.skip_untouched = true;
+  shade.decay = stage.shade_decay;
   codes.learning_rate_factor = stage.code_learning_rate;
   motion.learning_rate_factor = stage.key_point_learning_rate;
   for (const auto& item : field.named_parameters()) {
     const std::string& name = item.key();
-    AdamGroup& group = Contains(name, "codes.")   ? codes
-                       : IsMotion(name)           ? motion
-                       : Contains(name, "_table") ? tables
-                       : IsShape(name)            ? shape
-                                                  : networks;
+    AdamGroup& group = Contains(name, "codes.")        ? codes
+                       : IsMotion(name)                ? motion
+                       : Contains(name, "shade_table") ? shade
+                       : Contains(name, "_table")      ? tables
+                       : IsShape(name)                 ? shape
+                                                       : networks;
     group.parameters.emplace_back(name, item.value());
   }
-  return {networks, shape, tables, codes, motion};
+  return {networks, shape, tables, shade, codes, motion};
 }
 
 AdamOptions AdamOptionsFor(const Config& config) {

@@ -348,6 +348,20 @@ TEST_CASE("a key point on a rigid part goes as far as its part and is known in e
   for (const Vec3& p : candidate.track.position) CHECK(std::isfinite(Norm(p)));
 }
 
+TEST_CASE("a key point's reference frame is one of its part's rest") {
+  // Seen most as all frames see it while it goes: without the rest, the reference frame would be 27.
+  Body body([](const Vec3& p, int64_t t) {
+    const double way = 0.004 * static_cast<double>(std::max<int64_t>(0, t - 18));
+    return p + Vec3{way, -0.2 * way, 0.4 * way};
+  });
+  MovingParts moving;
+  moving.parts.push_back({body.Fit(), 60, 1000, 1});
+  moving.tracks = body.tracks;
+  const std::vector<Candidate> candidates = PartCandidates(body.clip, moving);
+  REQUIRE(candidates.size() == 1);
+  CHECK(candidates[0].start.frame <= 18);
+}
+
 TEST_CASE("depths of a part are those of its points, away from its edge") {
   Body body(Slide);
   const RigidPart part = body.Fit();

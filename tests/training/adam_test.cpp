@@ -25,6 +25,44 @@ TEST_CASE("Adam takes the steps that LibTorch's Adam takes") {
   CHECK(torch::allclose(ours, theirs, 1e-10, 1e-12));
 }
 
+TEST_CASE("Adam with decay takes the steps that LibTorch's AdamW takes") {
+  torch::manual_seed(3);
+  auto ours = torch::randn({4, 2}, torch::kFloat64).requires_grad_();
+  auto theirs = ours.detach().clone().requires_grad_();
+  const auto target = torch::randn({4, 2}, torch::kFloat64);
+  AdamGroup group;
+  group.parameters = {{"x", ours}};
+  group.learning_rate_factor = 0.5;
+  group.decay = 3;
+  Adam adam({group}, {0.9, 0.99, 1e-8});
+  torch::optim::AdamW reference({theirs},
+                                torch::optim::AdamWOptions(0.01).betas({0.9, 0.99}).eps(1e-8).weight_decay(3));
+  for (int step = 0; step < 20; ++step) {
+    adam.ZeroGrad();
+    (ours - target).pow(2).sum().backward();
+    adam.Step(0.02);
+    reference.zero_grad();
+    (theirs - target).pow(2).sum().backward();
+    reference.step();
+  }
+  CHECK(torch::allclose(ours, theirs, 1e-10, 1e-12));
+}
+
+TEST_CASE("what no gradient reaches decays as well") {
+  auto table = torch::ones({2, 4}).requires_grad_();
+  AdamGroup group;
+  group.parameters = {{"table", table}};
+  group.skip_untouched = true;
+  group.decay = 1;
+  Adam adam({group}, {});
+  for (int step = 0; step < 3; ++step) {
+    adam.ZeroGrad();
+    table.select(0, 0).sum().backward();
+    adam.Step(0.1);
+  }
+  CHECK(torch::allclose(table.detach()[1], torch::full({4}, 0.9F * 0.9F * 0.9F)));
+}
+
 TEST_CASE("Adam leaves untouched entries of a table alone, on either path") {
   for (const bool contiguous : {true, false}) {
     auto table = (contiguous ? torch::ones({2, 4}) : torch::ones({4, 2}).t()).detach().requires_grad_();
