@@ -349,7 +349,7 @@ TEST_CASE("a key point on a rigid part goes as far as its part and is known in e
 }
 
 TEST_CASE("a key point's reference frame is one of its part's rest") {
-  // Seen most as all frames see it while it goes: without the rest, the reference frame would be 27.
+  // While it goes it is seen most as all frames see it: but for the rest, the reference frame would be 28.
   Body body([](const Vec3& p, int64_t t) {
     const double way = 0.004 * static_cast<double>(std::max<int64_t>(0, t - 18));
     return p + Vec3{way, -0.2 * way, 0.4 * way};
