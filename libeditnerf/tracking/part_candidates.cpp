@@ -9,16 +9,24 @@
 namespace editnerf {
 namespace {
 
-constexpr double kFarShare = 0.8;    // of the range that a tenth of the points exceeds
-constexpr double kBeside = 8;        // pixels at 320 wide
-constexpr double kMostBeside = 8;    // neighbours that count
-constexpr double kSurrounded = 0.5;  // of the neighbours in the frame that has most
-constexpr double kSameDepth = 0.05;  // share of the distance within which a neighbour is the same side of the part
-constexpr double kSamePlace = 0.3;   // pixels at 320 wide: a frame that far away counts by half
-constexpr double kLeastRest = 5;     // frames in one place
-constexpr double kRestShare = 0.8;   // of the frames that the longest rest has
+constexpr double kFarShare = 0.8;     // of the range that a tenth of the points exceeds
+constexpr double kBeside = 8;         // pixels at 320 wide
+constexpr double kMostBeside = 8;     // neighbours that count
+constexpr double kSurrounded = 0.5;   // of the neighbours in the frame that has most
+constexpr double kSameDepth = 0.05;   // share of the distance within which a neighbour is the same side of the part
+constexpr double kSamePlace = 0.3;    // pixels at 320 wide: a frame that far away counts by half
+constexpr double kLeastRest = 5;      // frames in one place
+constexpr double kRestShare = 0.8;    // of the frames that the longest rest has
+constexpr double kMiddleShare = 0.2;  // of the frames, in the middle of a way on a rail or hinge
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
+
+// Axis by axis.
+Vec3 MedianOf(const std::vector<Vec3>& points) {
+  std::vector<double> x, y, z;
+  for (const Vec3& p : points) x.push_back(p.x), y.push_back(p.y), z.push_back(p.z);
+  return {Percentile(std::move(x), 0.5), Percentile(std::move(y), 0.5), Percentile(std::move(z), 0.5)};
+}
 
 class PartView {
  public:
@@ -45,9 +53,10 @@ class PartView {
   }
 
   // Of the frames in which the point is well surrounded, those of the part's longest rest, if it rests: many views
-  // agree on where it is, while one that moves is off by what its own view tells of its distance. Of those, the one
-  // that sees the part most as all of them do. What is left of drift grows with the angle between two views of the
-  // part: from its middle, it is off by half as much at most.
+  // agree on where it is, while one that moves is off by what its own view tells of its distance. On a rail or a hinge
+  // all frames together tell where it is, and what is wrong with that line or axis shows at the ends of the way: those
+  // in the middle of it. Of those, the one that sees the part most as all of them do. What is left of drift grows with
+  // the angle between two views of the part: from its middle, it is off by half as much at most.
   int64_t ReferenceFrame(const PartPoint& point) const {
     const Vec3 position = ToVec3(point.position);
     std::vector<int64_t> frames;
@@ -61,14 +70,20 @@ class PartView {
     }
     if (frames.empty()) return Longest(point).seed;
     const double enough = kSurrounded * *std::max_element(crowd.begin(), crowd.end());
-    std::vector<double> x, y, z;
+    std::vector<Vec3> good_views;
     std::vector<bool> good;
     for (size_t i = 0; i < frames.size(); ++i) {
       good.push_back(crowd[i] >= enough);
-      if (good[i]) x.push_back(view[i].x), y.push_back(view[i].y), z.push_back(view[i].z);
+      if (good[i]) good_views.push_back(view[i]);
     }
-    KeepRest(frames, position, &good);
-    const Vec3 middle = {Percentile(x, 0.5), Percentile(y, 0.5), Percentile(z, 0.5)};
+    std::vector<Vec3> place;
+    for (const int64_t t : frames) place.push_back(part_.Place(t, position));
+    if (part_.motion == PartMotion::kRail || part_.motion == PartMotion::kHinge) {
+      KeepMiddle(place, &good);
+    } else {
+      KeepRest(frames, place, &good);
+    }
+    const Vec3 middle = MedianOf(good_views);
     size_t best = 0;
     double nearest = std::numeric_limits<double>::infinity();
     for (size_t i = 0; i < frames.size(); ++i) {
@@ -98,11 +113,21 @@ class PartView {
   }
 
  private:
+  // Of the good ones among the frames, only those in which the point is nearest to the middle of its places.
+  static void KeepMiddle(const std::vector<Vec3>& place, std::vector<bool>* good) {
+    const Vec3 middle = MedianOf(place);
+    std::vector<double> apart, of_good;
+    for (size_t i = 0; i < place.size(); ++i) {
+      apart.push_back(Norm(place[i] - middle));
+      if ((*good)[i]) of_good.push_back(apart[i]);
+    }
+    const double most = Percentile(std::move(of_good), kMiddleShare);
+    for (size_t i = 0; i < place.size(); ++i) (*good)[i] = (*good)[i] && apart[i] <= most;
+  }
+
   // Of the good ones among the frames, only those in which the point is where it is in most others; all, if it rests
   // nowhere.
-  void KeepRest(const std::vector<int64_t>& frames, const Vec3& position, std::vector<bool>* good) const {
-    std::vector<Vec3> place;
-    for (const int64_t t : frames) place.push_back(part_.Place(t, position));
+  void KeepRest(const std::vector<int64_t>& frames, const std::vector<Vec3>& place, std::vector<bool>* good) const {
     std::vector<double> rest;
     double longest = 0;
     for (size_t i = 0; i < frames.size(); ++i) {
