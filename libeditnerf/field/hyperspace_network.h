@@ -19,10 +19,9 @@ struct HyperspaceInput {
   torch::Tensor ambient;      // [S, A]: a in pretraining, p in local coordinates in training
   torch::Tensor local;        // [S, 3], scene units: x' - p, or turned into local frames; undefined in pretraining
   torch::Tensor weights;      // [S, N]: of the key points; undefined for N = 1 and in pretraining
-  torch::Tensor
-      from_keys;  // [S, N, 3], scene units: x' - k_i, no gradient; undefined where nothing is cast, and for Density
-  torch::Tensor direction;   // [S, 3], unit length; undefined where the colour does not depend on it, and for Density
-  torch::Tensor appearance;  // [S, Da]; undefined where the colour does not depend on it, and for Density
+  torch::Tensor from_keys;    // [S, N, 3], scene units: x' - k_i, no gradient; undefined without shade, and for Density
+  torch::Tensor direction;    // [S, 3], unit length; undefined where the colour does not depend on it, and for Density
+  torch::Tensor appearance;   // [S, Da]; undefined where the colour does not depend on it, and for Density
 };
 
 struct HyperspaceOutput {

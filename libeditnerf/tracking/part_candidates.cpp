@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "libeditnerf/base/percentile.h"
+#include "libeditnerf/tracking/median_point.h"
 
 namespace editnerf {
 namespace {
@@ -20,13 +21,6 @@ constexpr double kRestShare = 0.8;    // of the frames that the longest rest has
 constexpr double kMiddleShare = 0.2;  // of the frames, in the middle of a way on a rail or hinge
 
 size_t At(int64_t i) { return static_cast<size_t>(i); }
-
-// Axis by axis.
-Vec3 MedianOf(const std::vector<Vec3>& points) {
-  std::vector<double> x, y, z;
-  for (const Vec3& p : points) x.push_back(p.x), y.push_back(p.y), z.push_back(p.z);
-  return {Percentile(std::move(x), 0.5), Percentile(std::move(y), 0.5), Percentile(std::move(z), 0.5)};
-}
 
 class PartView {
  public:
@@ -83,7 +77,7 @@ class PartView {
     } else {
       KeepRest(frames, place, &good);
     }
-    const Vec3 middle = MedianOf(good_views);
+    const Vec3 middle = MedianPoint(good_views);
     size_t best = 0;
     double nearest = std::numeric_limits<double>::infinity();
     for (size_t i = 0; i < frames.size(); ++i) {
@@ -115,7 +109,7 @@ class PartView {
  private:
   // Of the good ones among the frames, only those in which the point is nearest to the middle of its places.
   static void KeepMiddle(const std::vector<Vec3>& place, std::vector<bool>* good) {
-    const Vec3 middle = MedianOf(place);
+    const Vec3 middle = MedianPoint(place);
     std::vector<double> apart, of_good;
     for (size_t i = 0; i < place.size(); ++i) {
       apart.push_back(Norm(place[i] - middle));

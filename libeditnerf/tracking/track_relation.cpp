@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "libeditnerf/base/percentile.h"
+#include "libeditnerf/tracking/median_point.h"
 
 namespace editnerf {
 namespace {
@@ -23,12 +24,6 @@ double Correlation(const std::vector<double>& a, const std::vector<double>& b) {
   return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
 }
 
-Vec3 Median(const std::vector<Vec3>& points) {
-  std::vector<double> x, y, z;
-  for (const Vec3& p : points) x.push_back(p.x), y.push_back(p.y), z.push_back(p.z);
-  return {Percentile(x, 0.5), Percentile(y, 0.5), Percentile(z, 0.5)};
-}
-
 }  // namespace
 
 TrackMotion MeasureTrackMotion(const PointTrack& track) {
@@ -43,7 +38,7 @@ TrackMotion MeasureTrackMotion(const PointTrack& track) {
   TrackMotion motion;
   motion.frames = static_cast<int64_t>(points.size());
   if (points.empty()) return motion;
-  const Vec3 center = Median(points);
+  const Vec3 center = MedianPoint(points);
   std::vector<double> distances;
   for (const Vec3& p : points) distances.push_back(Norm(p - center));
   motion.range = Percentile(distances, 0.95);
@@ -66,7 +61,7 @@ TrackRelation RelateTracks(const PointTrack& a, const PointTrack& b) {
   relation.frames = static_cast<int64_t>(pa.size());
   if (pa.size() < 2) return relation;
   std::vector<double> distances, speed_a, speed_b;
-  const Vec3 center_a = Median(pa), center_b = Median(pb);
+  const Vec3 center_a = MedianPoint(pa), center_b = MedianPoint(pb);
   double aa = 0, bb = 0, ab = 0;
   for (size_t i = 0; i < pa.size(); ++i) {
     distances.push_back(Norm(pa[i] - pb[i]));

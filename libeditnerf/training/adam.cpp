@@ -46,15 +46,6 @@ Adam::Adam(const std::vector<AdamGroup>& groups, const AdamOptions& options) : o
 
 void Adam::Step(double learning_rate) {
   const torch::NoGradGuard no_grad;
-  for (Slot& slot : slots_) {
-    if (slot.decay > 0 && slot.parameter.grad().defined()) {
-      slot.parameter.mul_(1 - learning_rate * slot.factor * slot.decay);
-    }
-  }
-  FollowGradients(learning_rate);
-}
-
-void Adam::FollowGradients(double learning_rate) {
   ++steps_;
   Update update{0, options_.beta1, options_.beta2, options_.epsilon, 0, 0};
   update.correction1 = 1 - std::pow(options_.beta1, static_cast<double>(steps_));
@@ -63,6 +54,7 @@ void Adam::FollowGradients(double learning_rate) {
     const torch::Tensor gradient = slot.parameter.grad();
     if (!gradient.defined()) continue;
     update.rate = learning_rate * slot.factor;
+    if (slot.decay > 0) slot.parameter.mul_(1 - update.rate * slot.decay);
     if (!IsPlain(slot.parameter) || !IsPlain(gradient)) {
       StepAnywhere(update, slot.skip_untouched, gradient, slot.parameter, slot.first, slot.second);
       continue;

@@ -55,8 +55,6 @@ class Adam {
     bool cleared = false;  // by Step
   };
 
-  void FollowGradients(double learning_rate);
-
   std::vector<Slot> slots_;
   AdamOptions options_;
   int64_t steps_ = 0;
