@@ -116,6 +116,8 @@ std::vector<DiagramVariant> DiagramVariants(const Config& fast, const Config& pa
   add("no-direction", "without the view direction", {"field.use_view_direction=false"});
   // A hash grid of a hundredth of the scene around the key point is none.
   add("no-local", "without the hash grid in the key points' frame", {"field.fast.local_extent=0.01"});
+  add("no-shade", "without the hash grid of what parts cast on others", {"field.fast.shade=false"});
+  add("all-gradients", "every gradient, none by lot", {"train.roulette=0"});
   add("fp32", "with all products and tables in float32", {"field.fast.kernel=fp32"});
   add("modules", "module by module", {"field.fast.kernel=modules"});
   Config batches = paper;

@@ -62,6 +62,7 @@ struct StageConfig {
   double key_point_learning_rate = 1.0;  // multiplies the learning rate of key points and local frames
   double code_learning_rate = 1.0;       // multiplies the learning rate of the per-frame codes
   double shape_learning_rate = 1.0;      // multiplies the learning rate of warp field, slices and weights
+  double roulette = 0;                   // see RayLoss
   double shade_decay = 0;                // decay of the shade encoding, see AdamGroup
   double lambda_motion = 1e-4;           // of squared pixels at reference_width
   double reference_width = 320;          // image width that lambda_motion's pixels refer to
@@ -98,6 +99,11 @@ struct StageConfig {
     v("code_learning_rate", code_learning_rate, "factor on the learning rate for per-frame codes", AtLeast(0));
     v("shape_learning_rate", shape_learning_rate,
       "factor on the learning rate for the warp field, the slicing and the weight network", AtLeast(0));
+    v("roulette", roulette,
+      "Russian roulette: samples whose gradients are below this (of a ray's squared error, by the density's logarithm "
+      "and the colour before its sigmoid) go back through the networks by lot, right on the mean; fast field on a CPU "
+      "alone; 0: all go back",
+      Between(0, 1));
     v("shade_decay", shade_decay,
       "how fast what is not needed of field.fast.shade is forgotten: the learning rate times this, in every step "
       "(training)",

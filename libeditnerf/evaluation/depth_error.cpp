@@ -7,12 +7,25 @@
 #include "libeditnerf/base/shape.h"
 
 namespace editnerf {
+namespace {
+
+// Of maps [K, H, W], at the middle pixel of each whole square of `every` pixels.
+torch::Tensor Thinned(torch::Tensor maps, int64_t every) {
+  for (int64_t axis = 1; axis < 3; ++axis) {
+    const int64_t side = maps.size(axis);
+    maps = maps.slice(axis, every / 2, side - side % every, every);
+  }
+  return maps;
+}
+
+}  // namespace
 
 std::vector<DepthError> MeasureDepthErrors(const torch::Tensor& depth, const Scene& scene,
-                                           const std::vector<int64_t>& rows) {
+                                           const std::vector<int64_t>& rows, int64_t every) {
   if (!scene.truth) Throw<DataError>("scene '{}': measuring depth takes ground truth, and it has none", scene.name);
   const auto frames = torch::tensor(scene.train, torch::kInt64).index_select(0, torch::tensor(rows, torch::kInt64));
-  const auto truth = scene.truth->depth.index_select(0, frames), mask = scene.truth->mask.index_select(0, frames);
+  const auto truth = Thinned(scene.truth->depth.index_select(0, frames), every);
+  const auto mask = Thinned(scene.truth->mask.index_select(0, frames), every);
   CheckShape(depth, {truth.size(0), truth.size(1), truth.size(2)}, "depth");
   const auto error = ((depth.to(torch::kFloat32) - truth).abs() / truth).nan_to_num(1.0);
   std::vector<DepthError> errors;

@@ -19,10 +19,11 @@ struct DepthError {
 };
 
 // depth [K, H, W], NaN where there is no surface, of training frames number rows[0] to rows[K - 1] of the scene. Pixels
-// at which the truth hits nothing are left out, and so are parts without pixels. Throws DataError if the scene has no
-// ground truth, and ShapeError.
+// at which the truth hits nothing are left out, and so are parts without pixels. With an odd `every` depth is
+// [K, H / every, W / every], what the middle pixel of each square of that side sees. Throws DataError if the scene has
+// no ground truth, and ShapeError.
 std::vector<DepthError> MeasureDepthErrors(const torch::Tensor& depth, const Scene& scene,
-                                           const std::vector<int64_t>& rows);
+                                           const std::vector<int64_t>& rows, int64_t every = 1);
 
 // Of known distances in training frames, by the part that is truly seen there; empty without ground truth.
 std::vector<DepthError> MeasureDepthTargets(const Scene& scene, const DepthTargets& targets);

@@ -120,10 +120,12 @@ FieldRows::FieldRows(const FusedField& field) {
   shade_fade = take(shade_features > 0 ? n : 0);
   shade_each = take(shade_features);
   pull = take(1);
+  chosen = take(1);
   count = next;
   for_gradients = {{0, harmonics}};
   for_pictures = {{t, 5}, {ambient, field.ambient_dim}, {density, 1}, {density_out, OutOf(field.density)}};
   if (weighted) for_pictures.push_back({weights, n});
+  for_backward = {{slot, grad_density_out + 1 - slot}, {grad_color, chosen - grad_color}};
 }
 
 }  // namespace editnerf

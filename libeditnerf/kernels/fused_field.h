@@ -120,12 +120,13 @@ struct FieldRows {
   int64_t shade_unit, shade_fade;          // 3 N and N, coordinates and fading of the shade encoding
   int64_t shade_each;                      // its features of one key point
   int64_t pull;                            // 1: factor on the ambient coordinates that is added to their gradient
+  int64_t chosen;                          // 1: positive where the sample goes on to the next pass
   int64_t count;                           // of all rows
 
   int64_t num_features, ambient_features, canonical_features, local_features, shade_features;
 
-  // What the density pass leaves of each sample for the passes to come.
-  std::vector<RowRange> for_gradients, for_pictures;
+  // What the density pass leaves of each sample for the passes to come, and what the way back needs.
+  std::vector<RowRange> for_gradients, for_pictures, for_backward;
 };
 
 }  // namespace editnerf

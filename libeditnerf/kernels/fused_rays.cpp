@@ -61,11 +61,13 @@ struct FusedRays::Worker {
   std::vector<int64_t> sizes;
   RayBundle bundle;
   RayShading shading;
+  PackedTiles returning;  // samples on their way back, of one bundle after the other
   TileMemory scratch, to_keys, to_frames, to_code, to_appearance;
 
   explicit Worker(const FieldKernel& field)
       : sizes(SizesOf(field.field())),
         bundle(field.rows()),
+        returning(field.rows().count, field.rows().for_backward),
         scratch(field.scratch_rows()),
         to_keys(3 * field.field().num_key_points),
         to_frames(field.field().local_frames ? 9 * field.field().num_key_points : 0),
@@ -120,7 +122,7 @@ void FusedRays::TrainPart(const FieldKernel& field, const BundledRays& rays, con
   Lease lease(*this, field);
   Worker& worker = *lease;
   const FieldRows& rows = field.rows();
-  const StateRow state_row(field.field());
+  worker.returning.Clear();
   part.sums.Clear();
   part.features.Clear();
   part.losses = {};
@@ -129,29 +131,45 @@ void FusedRays::TrainPart(const FieldKernel& field, const BundledRays& rays, con
     worker.shading.Train(field, rays, loss, worker.bundle, &part.losses);
     for (int64_t i = 0; i < worker.bundle.num_tiles(); ++i) {
       RayBundle::Tile& tile = worker.bundle.tile(i);
-      const FeatureGradients::Tile features = part.features.Next(tile.count);
-      std::copy_n(tile.memory.Row(rows.unit), 3 * kTileStride, features.unit);
-      if (rows.local_features > 0) std::copy_n(tile.memory.Row(rows.local), 3 * kTileStride, features.local);
-      if (rows.shade_features > 0) {
-        std::copy_n(tile.memory.Row(rows.shade_unit), 3 * field.field().num_key_points * kTileStride, features.shade);
-      }
-      const TileGradients to = {features.canonical,         features.locals,         features.shades,
-                                worker.to_keys.rows(),      worker.to_frames.rows(), worker.to_code.rows(),
-                                worker.to_appearance.rows()};
-      field.Backward(tile.count, tile.memory, worker.scratch, part.sums, to);
-      const float* const slots = tile.memory.Row(rows.slot);
-      for (int64_t s = 0; s < tile.count; ++s) {
-        float* const sum = to_states_.data() + worker.bundle.Ray(static_cast<int64_t>(slots[s])) * state_row.size;
-        const auto add = [&](const TileMemory& from, int64_t first, int64_t width) {
-          for (int64_t k = 0; k < width; ++k) sum[first + k] += from.Row(k)[s];
-        };
-        add(worker.to_keys, state_row.keys, state_row.frames);
-        add(worker.to_frames, state_row.frames, state_row.code - state_row.frames);
-        add(worker.to_code, state_row.code, field.field().code_dim);
-        add(worker.to_appearance, state_row.appearance, field.field().appearance_dim);
-      }
+      // Slots are a bundle's own; from here on samples of several lie side by side.
+      float* const slots = tile.memory.Row(rows.slot);
+      for (int64_t s = 0; s < tile.count; ++s)
+        slots[s] = static_cast<float>(worker.bundle.Ray(static_cast<int64_t>(slots[s])) - part.begin);
+      worker.returning.Append(tile.memory.Row(rows.chosen), tile.memory, tile.count);
+      if (worker.returning.full()) GoBack(field, worker, part);
     }
   }
+  if (worker.returning.count() > 0) GoBack(field, worker, part);
+}
+
+// The gradients of a tile of samples.
+void FusedRays::GoBack(const FieldKernel& field, Worker& worker, Part& part) {
+  const FieldRows& rows = field.rows();
+  const StateRow state_row(field.field());
+  const int64_t count = worker.returning.count();
+  TileMemory& tile = worker.returning.tile();
+  const FeatureGradients::Tile features = part.features.Next(count);
+  std::copy_n(tile.Row(rows.unit), 3 * kTileStride, features.unit);
+  if (rows.local_features > 0) std::copy_n(tile.Row(rows.local), 3 * kTileStride, features.local);
+  if (rows.shade_features > 0) {
+    std::copy_n(tile.Row(rows.shade_unit), 3 * field.field().num_key_points * kTileStride, features.shade);
+  }
+  const TileGradients to = {features.canonical,         features.locals,         features.shades,
+                            worker.to_keys.rows(),      worker.to_frames.rows(), worker.to_code.rows(),
+                            worker.to_appearance.rows()};
+  field.Backward(count, tile, worker.scratch, part.sums, to);
+  const float* const slots = tile.Row(rows.slot);
+  for (int64_t s = 0; s < count; ++s) {
+    float* const sum = to_states_.data() + (part.begin + static_cast<int64_t>(slots[s])) * state_row.size;
+    const auto add = [&](const TileMemory& from, int64_t first, int64_t width) {
+      for (int64_t k = 0; k < width; ++k) sum[first + k] += from.Row(k)[s];
+    };
+    add(worker.to_keys, state_row.keys, state_row.frames);
+    add(worker.to_frames, state_row.frames, state_row.code - state_row.frames);
+    add(worker.to_code, state_row.code, field.field().code_dim);
+    add(worker.to_appearance, state_row.appearance, field.field().appearance_dim);
+  }
+  worker.returning.Next();
 }
 
 RayLossSums FusedRays::AddGradients(const FieldKernel& field, const BundledRays& rays, const RayLoss& loss,

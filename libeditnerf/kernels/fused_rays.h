@@ -34,6 +34,7 @@ class FusedRays {
   class Lease;
 
   void TrainPart(const FieldKernel& field, const BundledRays& rays, const RayLoss& loss, Part& part);
+  void GoBack(const FieldKernel& field, Worker& worker, Part& part);
   void AddToStates(const FieldKernel& field, const BundledRays& rays, FusedStates* states) const;
 
   std::mutex mutex_;  // of idle_

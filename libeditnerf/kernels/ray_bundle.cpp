@@ -118,6 +118,7 @@ void RayBundle::SortSamples() {
     tile(i).count = std::min(kTile, num_samples_ - i * kTile);
     const float* const slot = tile(i).memory.Row(rows_.slot);
     for (int64_t s = 0; s < tile(i).count; ++s) ++offsets_[static_cast<size_t>(slot[s]) + 1];
+    std::fill_n(tile(i).memory.Row(rows_.chosen), kTileStride, 0.0F);
   }
   for (size_t r = 1; r < offsets_.size(); ++r) offsets_[r] += offsets_[r - 1];
   next_ = offsets_;

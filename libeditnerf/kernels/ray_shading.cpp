@@ -17,13 +17,14 @@ void RayLossSums::Add(const RayLossSums& other) {
   ambient += other.ambient;
   depth += other.depth;
   samples += other.samples;
+  returned += other.returned;
 }
 
 void RayShading::Resize(int64_t samples) {
   const auto size = static_cast<size_t>(PaddedSamples(samples));
   if (t_.size() >= size) return;
   for (auto* values : {&t_, &density_, &tau_, &before_, &light_, &weight_, &rgb_[0], &rgb_[1], &rgb_[2], &to_weight_,
-                       &to_density_, &pull_, &shown_}) {
+                       &to_density_, &pull_, &chosen_, &shown_}) {
     values->resize(size);
   }
 }
@@ -63,7 +64,7 @@ void RayShading::Color(const FieldKernel& field, const BundledRays& rays, RayBun
   }
 }
 
-// shown_ of every sample, and in the tiles' row `pull` which are to be coloured. Of each ray those are left out that
+// shown_ of every sample, and in the tiles' row `chosen` which are to be coloured. Of each ray those are left out that
 // have less weight than their share of what may be left out in all; what is shown is made up to the ray's whole weight.
 int64_t RayShading::ChooseSeen(double color_error, RayBundle& bundle) {
   int64_t chosen = 0;
@@ -89,44 +90,40 @@ int64_t RayShading::ColorSeen(const FieldKernel& field, const BundledRays& rays,
                               RayBundle& bundle) {
   const FieldRows& rows = field.rows();
   const int64_t chosen = ChooseSeen(color_error, bundle);
-  bundle.Scatter(shown_.data(), rows.pull);
+  bundle.Scatter(shown_.data(), rows.chosen);
   FindHarmonics(field, rays, bundle);
-  for (auto& tile : seen_) {
-    if (tile == nullptr || seen_rows_ != rows.count) tile = std::make_unique<TileMemory>(rows.count);
+  if (seen_ == nullptr) {
+    const int64_t outputs = field.field().density.weights.back().size(0);
+    const int64_t axes = rows.shade_features > 0 ? 3 : 0;
+    seen_ = std::make_unique<PackedTiles>(
+        rows.count, std::vector<RowRange>{{rows.slot, 1}, {rows.x, axes}, {rows.density_out, outputs}});
   }
-  seen_rows_ = rows.count;
   int32_t state[kTileStride] = {};
-  const auto evaluate = [&](int64_t count) {
-    ColorTile(field, rays, bundle, count, /*for_gradients=*/false, *seen_[0], state);
+  const auto evaluate = [&] {
+    const int64_t count = seen_->count();
+    ColorTile(field, rays, bundle, count, /*for_gradients=*/false, seen_->tile(), state);
     for (int c = 0; c < 3; ++c) {
-      const float* const color = seen_[0]->Row(rows.color + c);
+      const float* const color = seen_->tile().Row(rows.color + c);
       for (int64_t s = 0; s < count; ++s) {
         const int32_t sample = seen_samples_[static_cast<size_t>(s)];
         bundle.tile(sample / kTile).memory.Row(rows.color + c)[sample % kTile] = color[s];
       }
     }
     seen_samples_.erase(seen_samples_.begin(), seen_samples_.begin() + count);
-    std::swap(seen_[0], seen_[1]);
+    seen_->Next();
   };
   seen_samples_.clear();
+  seen_->Clear();
   for (int64_t i = 0; i < bundle.num_tiles(); ++i) {
     RayBundle::Tile& tile = bundle.tile(i);
-    float* const keep = tile.memory.Row(rows.pull);
-    std::fill(keep + tile.count, keep + kTileStride, 0.0F);
-    const auto at = static_cast<int64_t>(seen_samples_.size());
+    const float* const keep = tile.memory.Row(rows.chosen);
     for (int64_t s = 0; s < tile.count; ++s) {
       if (keep[s] > 0) seen_samples_.push_back(static_cast<int32_t>(i * kTile + s));
     }
-    const int64_t outputs = field.field().density.weights.back().size(0);
-    const int64_t axes = rows.shade_features > 0 ? 3 : 0;
-    for (const RowRange& range :
-         {RowRange{rows.slot, 1}, RowRange{rows.x, axes}, RowRange{rows.density_out, outputs}}) {
-      AppendKept(keep, tile.memory.Row(range.first), tile.count, range.count, at, seen_[0]->Row(range.first),
-                 seen_[1]->Row(range.first));
-    }
-    if (static_cast<int64_t>(seen_samples_.size()) >= kTile) evaluate(kTile);
+    seen_->Append(keep, tile.memory, tile.count);
+    if (seen_->full()) evaluate();
   }
-  if (!seen_samples_.empty()) evaluate(static_cast<int64_t>(seen_samples_.size()));
+  if (seen_->count() > 0) evaluate();
   return chosen;
 }
 
@@ -206,6 +203,28 @@ double RayShading::MissDepth(Samples samples, double distance, double tolerance,
   return loss;
 }
 
+// Which samples of a ray go back, `chosen_`, and what is then made up for the others; returns how many. They are drawn
+// evenly along the ray, whenever the sum of their chances passes another whole number: a ray that several samples share
+// a small gradient of sends one of them, not none or all.
+int64_t RayShading::Choose(Samples samples, double least, float jitter) {
+  double ignored = 0, chances = std::modf(4096.0 * static_cast<double>(jitter), &ignored);
+  int64_t count = 0;
+  for (auto s = static_cast<size_t>(samples.begin); s < static_cast<size_t>(samples.end); ++s) {
+    const double size = std::abs(static_cast<double>(to_density_[s])) + std::abs(rgb_[0][s]) + std::abs(rgb_[1][s]) +
+                        std::abs(rgb_[2][s]);
+    chosen_[s] = 1;
+    if (size < least && pull_[s] == 0) {  // false for NaN, which has to be seen
+      const double before = std::floor(chances), chance = size / least;
+      chances += chance;
+      chosen_[s] = std::floor(chances) > before ? 1.0F : 0.0F;
+      const auto made_up = static_cast<float>(chosen_[s] / std::max(chance, 1e-30));
+      for (float* gradient : {&to_density_[s], &rgb_[0][s], &rgb_[1][s], &rgb_[2][s]}) *gradient *= made_up;
+    }
+    count += static_cast<int64_t>(chosen_[s]);
+  }
+  return count;
+}
+
 void RayShading::Train(const FieldKernel& field, const BundledRays& rays, const RayLoss& loss, RayBundle& bundle,
                        RayLossSums* sums) {
   const FieldRows& rows = field.rows();
@@ -264,6 +283,7 @@ void RayShading::Train(const FieldKernel& field, const BundledRays& rays, const 
         rgb_[c][s] = static_cast<float>(w * g_rgb[c] * value * (1 - value));
       }
     }
+    sums->returned += Choose(samples, loss.roulette * per_ray, rays.jitter[ray]);
   }
   for (const int64_t surface : surfaces_) {
     const int32_t sample = bundle.order()[static_cast<size_t>(surface)];
@@ -277,6 +297,7 @@ void RayShading::Train(const FieldKernel& field, const BundledRays& rays, const 
   for (int c = 0; c < 3; ++c) bundle.Scatter(rgb_[c].data(), rows.grad_color + c);
   bundle.Scatter(to_density_.data(), rows.grad_density_out);
   bundle.Scatter(pull_.data(), rows.pull);
+  bundle.Scatter(chosen_.data(), rows.chosen);
 }
 
 int64_t RayShading::Show(const FieldKernel& field, const BundledRays& rays, const RayPicture& picture,

@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "libeditnerf/kernels/packed_tiles.h"
 #include "libeditnerf/kernels/ray_bundle.h"
 
 namespace editnerf {
@@ -22,11 +23,15 @@ struct RayLoss {
   const float* distance = nullptr;    // [R], d, NaN where unknown; nullptr: nowhere known
   const float* tolerance = nullptr;   // [R], given with it
   double depth = 0;                   // weight
+  // Russian roulette (Arvo, Kirk 1990): a sample whose gradients with respect to its density's logarithm and its
+  // colour before the sigmoid sum up to g / R, less than this by R, goes back through the networks with a chance of
+  // g / roulette alone, and then with R / g roulette as much. What comes of it is right on the mean. 0: all go.
+  double roulette = 0;
 };
 
 struct RayLossSums {
   double reconstruction = 0, distortion = 0, ambient = 0, depth = 0;  // without the division by R
-  int64_t samples = 0;
+  int64_t samples = 0, returned = 0;                                  // returned: that went back through the networks
   void Add(const RayLossSums& other);
 };
 
@@ -51,7 +56,8 @@ constexpr double kFrontShare = 1.0 / 512;
 // Works on the bundles of one thread; keeps the arrays that are needed on the way.
 class RayShading {
  public:
-  // Colours, losses and their gradients with respect to colour and density, left in the bundle's tiles.
+  // Colours, losses and their gradients with respect to colour and density, left in the bundle's tiles, with the row
+  // `chosen` of those that go back.
   void Train(const FieldKernel& field, const BundledRays& rays, const RayLoss& loss, RayBundle& bundle,
              RayLossSums* sums);
 
@@ -74,13 +80,13 @@ class RayShading {
   int64_t SurfaceOf(Samples samples) const;  // samples.end where there is none
   double Distort(Samples samples, double factor);
   double MissDepth(Samples samples, double distance, double tolerance, double factor);
+  int64_t Choose(Samples samples, double least, float jitter);
   void Resize(int64_t samples);
 
-  std::vector<float> t_, density_, tau_, before_, light_, weight_, rgb_[3], to_weight_, to_density_, pull_;
-  std::vector<float> shown_;             // weights, 0 where the colour was not evaluated
-  std::vector<float> harmonics_;         // [rays, 16]
-  std::unique_ptr<TileMemory> seen_[2];  // the samples that are coloured
-  int64_t seen_rows_ = 0;
+  std::vector<float> t_, density_, tau_, before_, light_, weight_, rgb_[3], to_weight_, to_density_, pull_, chosen_;
+  std::vector<float> shown_;           // weights, 0 where the colour was not evaluated
+  std::vector<float> harmonics_;       // [rays, 16]
+  std::unique_ptr<PackedTiles> seen_;  // the samples that are coloured
   std::vector<int32_t> seen_samples_;  // where the columns of seen_ come from
   std::vector<int64_t> surfaces_;      // of the rays that have one
   double delta_ = 0;

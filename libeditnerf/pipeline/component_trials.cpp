@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -26,6 +28,7 @@ constexpr double kLeastGain = 0.2;   // dB; runs of the same settings differ by 
 constexpr double kMostLoss = 0.3;    // dB, of what detection found, where parts are seen
 constexpr double kMostShare = 0.15;  // of a stage's seconds that trials may take
 constexpr int64_t kMostAmbient = 4;  // ambient coordinates that are tried
+constexpr int64_t kClocked = 10;     // steps in that number that say how long a trial will take
 
 struct Component {
   const char* setting;
@@ -70,8 +73,10 @@ class ShortTrainings {
   ShortTrainings(const Scene& scene, const StageRequest& request, FieldStage stage)
       : scene_(scene), request_(request), stage_(stage) {}
 
-  // What one gives, in steps of half the stage's size: what a component brings shows early.
-  Measured After(const Config& config, const DetectedKeyPoints& detected, const DepthTargets& depth) const {
+  // What one gives, in steps of half the stage's size: what a component brings shows early. `affordable` is asked once,
+  // with the seconds that its first steps promise; nothing where it is not.
+  std::optional<Measured> After(const Config& config, const DetectedKeyPoints& detected, const DepthTargets& depth,
+                                const std::function<bool(double seconds)>& affordable = {}) const {
     const GeneratorGuard guard(kSeed);
     Config trial = config;
     StageConfig& stage = StageOf(stage_, &trial);
@@ -86,9 +91,13 @@ class ShortTrainings {
                     detected.supervision, {});
     trainer.SetDepthTargets(depth);
     trainer.SetKnownPlaces(Joined(detected.still_depth, detected.part_depth));
+    const Stopwatch clock;
+    const int64_t clocked = (stage.steps + kClocked - 1) / kClocked;
     for (int64_t step = 0; step < stage.steps; ++step) {
       trainer.Step();
       if (InterruptRequested()) Throw<Interrupted>("interrupted while the field's components were tried");
+      if (step + 1 != clocked || !affordable) continue;
+      if (!affordable(clock.Seconds() * static_cast<double>(stage.steps) / static_cast<double>(clocked))) return {};
     }
     trainer.ShowAverage();
     const Run& run = trainer.run();
@@ -107,7 +116,7 @@ class ShortTrainings {
     if (StageOf(stage_, &config).trial_steps > 0) return "";
     return stage_ == FieldStage::kPretrain ? "pretrain.trial_steps is 0" : "train.trial_steps is 0";
   }
-  // The same for so many, after one that took `seconds`.
+  // The same for so many that take `seconds` each.
   std::string WhyTooMany(double seconds, size_t count) const {
     Config config = request_.config;
     const double all = seconds * static_cast<double>(count), limit = StageOf(stage_, &config).seconds;
@@ -147,8 +156,12 @@ class Decisions {
     for (const Component& component : open_) *component.choice = Choice::kOff;
     untried_ = trainings_.WhyNone();
     if (!untried_.empty()) return;
-    best_ = Try(decided_.merged);
-    untried_ = trainings_.WhyTooMany(clock_.Seconds(), 1 + open_.size() + (try_merging ? alike_.size() : 0));
+    const size_t count = 1 + open_.size() + (try_merging ? alike_.size() : 0);
+    const auto first = trainings_.After(decided_.config, detected_, {}, [&](double seconds) {
+      untried_ = trainings_.WhyTooMany(seconds, count);
+      return untried_.empty();
+    });
+    if (first) best_ = *first;
   }
 
   ComponentTrials Make() {
@@ -159,7 +172,7 @@ class Decisions {
   }
 
  private:
-  Measured Try(const KeyPointMap& map) const { return trainings_.After(decided_.config, Merged(detected_, map), {}); }
+  Measured Try(const KeyPointMap& map) const { return *trainings_.After(decided_.config, Merged(detected_, map), {}); }
 
   // The second of two detected key points that move as one part goes where nobody misses it.
   void Merge(int64_t first, int64_t second) {
@@ -247,8 +260,11 @@ ComponentTrials DecideAmbient(const Scene& scene, const StageRequest& request, c
   slicing.ambient_dim = 1;
   double best = 0;
   if (untried.empty()) {
-    best = trainings.After(decided.config, {}, depth).all;
-    untried = trainings.WhyTooMany(clock.Seconds(), static_cast<size_t>(kMostAmbient));
+    const auto first = trainings.After(decided.config, {}, depth, [&](double seconds) {
+      untried = trainings.WhyTooMany(seconds, static_cast<size_t>(kMostAmbient));
+      return untried.empty();
+    });
+    if (first) best = first->all;
   }
   if (!untried.empty()) {
     slicing.ambient_dim = undecided;
@@ -259,7 +275,7 @@ ComponentTrials DecideAmbient(const Scene& scene, const StageRequest& request, c
     ComponentTrial trial;
     trial.setting = fmt::format("{} ambient dimensions", ++slicing.ambient_dim);
     trial.without = best;
-    trial.with = trainings.After(decided.config, {}, depth).all;
+    trial.with = trainings.After(decided.config, {}, depth)->all;
     trial.reason = GainText(*trial.with - best);
     trial.on = gains = *trial.with - best > kLeastGain;
     if (gains) {

@@ -13,6 +13,7 @@ namespace {
 // camera a step of training is some percent of the depth.
 constexpr int64_t kFinerSurfaces = 3;
 constexpr int64_t kMeasuredSurfaces = 16;  // frames whose depth is compared with the truth
+constexpr int64_t kMeasuredEvery = 3;      // pixels of theirs along each side, odd: so many rays say the same
 
 torch::Tensor Enlarge(const torch::Tensor& map, int64_t height, int64_t width) {
   const auto index = [](int64_t from, int64_t to) {
@@ -24,19 +25,33 @@ torch::Tensor Enlarge(const torch::Tensor& map, int64_t height, int64_t width) {
   return map.index_select(0, index(map.size(0), height)).index_select(1, index(map.size(1), width));
 }
 
-// The surface that training frame number `row` sees, at a share `factor` of its size.
-RenderedImage RenderSurface(const Run& run, const Scene& scene, int64_t row, double factor) {
+const Camera& CameraOf(const Scene& scene, int64_t row) {
+  return scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(row)])].camera;
+}
+
+// At a share `factor` of its size.
+Camera Reduced(const Camera& camera, double factor) {
   const auto reduced = [&](int64_t side) {
     return std::max<int64_t>(1, std::llround(static_cast<double>(side) * factor));
   };
-  const Camera& camera = scene.frames[static_cast<size_t>(scene.train[static_cast<size_t>(row)])].camera;
+  return factor < 1 ? camera.Resized(reduced(camera.width), reduced(camera.height)) : camera;
+}
+
+// With the rays through the middle pixel of each whole square of `every` pixels alone.
+Camera Thinned(Camera camera, int64_t every) {
+  camera.width -= camera.width % every;
+  camera.height -= camera.height % every;
+  return camera.Resized(camera.width / every, camera.height / every);
+}
+
+// The surface that `camera` sees in the state of training frame number `row`.
+RenderedImage RenderSurface(const Run& run, const Camera& camera, int64_t row) {
   ImageOptions options;
   options.tensor = torch::TensorOptions(torch::kFloat32).device(run.device);
   options.exact = true;  // detection stands on it
   options.depth_only = run.config.render.sampler == "occupancy";
   options.march_steps = kFinerSurfaces * run.config.render.march_steps;
-  return RenderImage(*run.field, *run.renderer,
-                     factor < 1 ? camera.Resized(reduced(scene.width()), reduced(scene.height())) : camera,
+  return RenderImage(*run.field, *run.renderer, camera,
                      run.field->States(torch::tensor({row}, torch::kInt64).to(run.device)), options);
 }
 
@@ -46,13 +61,15 @@ std::vector<DepthError> MeasureDepth(const Run& run, const Scene& scene) {
   const torch::NoGradGuard no_grad;
   run.field->eval();
   const auto frames = static_cast<int64_t>(scene.train.size()), count = std::min(frames, kMeasuredSurfaces);
+  const int64_t every = std::min(scene.width(), scene.height()) < kMeasuredEvery ? 1 : kMeasuredEvery;
   std::vector<torch::Tensor> depth;
   std::vector<int64_t> rows;
   for (int64_t i = 0; i < count; ++i) {
     rows.push_back((2 * i + 1) * frames / (2 * count));
-    depth.push_back(RenderSurface(run, scene, rows.back(), 1).depth.to(torch::kCPU));
+    depth.push_back(
+        RenderSurface(run, Thinned(CameraOf(scene, rows.back()), every), rows.back()).depth.to(torch::kCPU));
   }
-  return MeasureDepthErrors(torch::stack(depth), scene, rows);
+  return MeasureDepthErrors(torch::stack(depth), scene, rows, every);
 }
 
 PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels) {
@@ -74,7 +91,7 @@ PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixel
   };
   Progress bar("surfaces", static_cast<double>(count));
   for (int64_t t = 0; t < count; ++t) {
-    const RenderedImage image = RenderSurface(run, scene, t, factor);
+    const RenderedImage image = RenderSurface(run, Reduced(CameraOf(scene, t), factor), t);
     store(image.depth, t, &maps.depth);
     store(image.ambient, t, &maps.ambient);
     if (run.config.field.HasWarp()) store(image.x_canonical, t, &maps.x_canonical);

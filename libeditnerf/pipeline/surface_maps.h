@@ -15,8 +15,8 @@ namespace editnerf {
 // `max_pixels` are rendered in all: larger sequences at a fraction of their size, enlarged to the nearest pixel.
 PretrainedMaps RenderSurfaceMaps(Run& run, const Scene& scene, int64_t max_pixels = 600'000);
 
-// How far the depth is off that the run sees in 16 training views, in their full size: the maps of all views are
-// smaller, and a pixel of theirs spans a piece of the floor. The scene needs ground truth.
+// How far the depth is off that the run sees in 16 training views, through every third pixel of every third row. The
+// scene needs ground truth.
 std::vector<DepthError> MeasureDepth(const Run& run, const Scene& scene);
 
 }  // namespace editnerf

@@ -22,9 +22,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Shares of a time budget: pretraining finds where things are, training makes the picture.
+// Shares of a time budget: pretraining finds where things are, training makes the picture. Of a short budget
+// pretraining takes a quarter; beyond that it soon finds nothing that helps detection (docs/benchmarks, "Ten minutes").
 constexpr double kPretrainShare = 0.25;
-constexpr double kReportShare = 0.2;
+constexpr double kEnoughSeconds = 40, kEnoughShare = 0.07;
+constexpr double kReportShare = 0.12;
 constexpr double kFewestSeconds = 10;
 constexpr double kLearnShare = 0.6;  // of the budget that is left for the rest, however long the poses take
 
@@ -58,6 +60,10 @@ class StageBook {
   fs::path path_;
   nlohmann::ordered_json book_ = nlohmann::ordered_json::object();
 };
+
+double PretrainSeconds(double left) {
+  return std::max(kFewestSeconds, std::min(kPretrainShare * left, kEnoughSeconds + kEnoughShare * left));
+}
 
 bool IsSceneFolder(const fs::path& input) {
   return fs::exists(input / "scene.json") && fs::exists(input / "dataset.json");
@@ -137,7 +143,7 @@ void RunWholeWay(const WholeWayRequest& request) {
   stage.resume = true;
   stage.out = work / "pretrained";
   book.Do("pretrain", [&] {
-    if (request.time_budget > 0) config.pretrain.seconds = std::max(kFewestSeconds, kPretrainShare * left());
+    if (request.time_budget > 0) config.pretrain.seconds = PretrainSeconds(left());
     stage.config = config;
     RunPretraining(scene, stage);
   });

@@ -133,6 +133,7 @@ RayGradients FusedMarching::AddGradients(const FusedField& field, const RayBatch
   }
   loss.distortion = objective.distortion / (marching.far - marching.near);
   loss.ambient = objective.ambient;
+  loss.roulette = objective.roulette;
   torch::Tensor distance, tolerance;
   if (objective.depth > 0 && options.distance.defined()) {
     CheckShape(options.distance, {count}, "distance");
@@ -152,6 +153,7 @@ RayGradients FusedMarching::AddGradients(const FusedField& field, const RayBatch
   result.ambient = sums.ambient / rays_in_all;
   result.depth = sums.depth / rays_in_all;
   result.samples = sums.samples;
+  result.returned = sums.returned;
   result.states.key_points = gradients.key_points;
   result.states.warp_code = gradients.warp_code;
   result.states.appearance_code = gradients.appearance;

@@ -61,12 +61,14 @@ struct RayObjective {
   double distortion = 0;  // weight of the distortion loss with 0 at near and 1 at far
   double ambient = 0;     // weight of the squared ambient coordinates
   double depth = 0;       // weight of missing RayOptions::distance
+  double roulette = 0;    // size of gradients below which few samples go back for all, see RayLoss
 };
 
 struct RayGradients {
   double reconstruction = 0, distortion = 0, ambient = 0, depth = 0;  // the terms, weighted
-  FrameStates states;   // gradients of the states' tables; undefined where unused
-  int64_t samples = 0;  // field evaluations with colour
+  FrameStates states;    // gradients of the states' tables; undefined where unused
+  int64_t samples = 0;   // field evaluations with colour
+  int64_t returned = 0;  // those whose gradients were taken
 };
 
 }  // namespace editnerf

@@ -45,7 +45,7 @@ int64_t SampleBytes(const Run& run, int64_t samples) {
     const FieldRows rows(*fused);
     const int64_t shade = rows.shade_features > 0 ? fused->num_key_points * (3 + rows.shade_features) : 0;
     const int64_t kept = 6 + rows.canonical_features + rows.local_features + shade;  // FeatureGradients
-    constexpr int64_t kWorkingTiles = 12;                                            // of a thread
+    constexpr int64_t kWorkingTiles = 14;                                            // of a thread
     return static_cast<int64_t>(sizeof(float)) * kTileStride *
            ((samples + kTile - 1) / kTile * kept + NumThreads() * kWorkingTiles * rows.count);
   }

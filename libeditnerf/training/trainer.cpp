@@ -210,6 +210,7 @@ std::optional<NamedTensors> Trainer::FusedBackward(const RayTargets& batch, cons
   objective.distortion = stage_.lambda_distortion;
   if (run_.stage == FieldStage::kPretrain) objective.ambient = stage_.lambda_ambient;
   if (batch.distance.defined()) objective.depth = stage_.lambda_depth;
+  objective.roulette = stage_.roulette;
   const auto found = run_.renderer->AddGradients(*run_.field, rays, states, options, objective);
   if (!found) return std::nullopt;
   NamedTensors losses;

@@ -45,6 +45,21 @@ TEST_CASE("depth errors are measured for each part, relative to the true depth")
   CHECK(errors[1].percentile90 == 1);  // the pixel without a surface
 }
 
+TEST_CASE("depth errors of some pixels are those of the middle ones of whole squares") {
+  Scene scene = TwoParts();
+  GroundTruth& truth = *scene.truth;
+  truth.depth = torch::full({2, 4, 8}, 2.0F);
+  truth.mask = torch::zeros({2, 4, 8}, torch::kUInt8);
+  truth.mask[1][1][4] = 1;  // in the middle of the second of two squares of 3 x 3 pixels
+  truth.depth[1][1][4] = 4.0F;
+  const auto errors = MeasureDepthErrors(torch::tensor({2.0F, 5.0F}).view({1, 1, 2}), scene, {0}, 3);
+  REQUIRE(errors.size() == 2);
+  CHECK(errors[0].pixels == 1);
+  CHECK(errors[0].median == 0);
+  CHECK(errors[1].pixels == 1);
+  CHECK(errors[1].median == Approx(0.25));
+}
+
 TEST_CASE("depth errors take ground truth of the right size") {
   Scene scene = TwoParts();
   CHECK_THROWS_AS(MeasureDepthErrors(torch::zeros({2, 2, 10}), scene, {0}), ShapeError);
