@@ -80,8 +80,9 @@ TEST_CASE("the short names are the files of configs/") {
 TEST_CASE("fine is fast but for a few settings") {
   const Config fast = LoadNamedConfig("fast"), fine = LoadNamedConfig("fine");
   CHECK(fine.render.march_steps > fast.render.march_steps);
+  CHECK(fine.render.occupancy_resolution > fast.render.occupancy_resolution);
   Config other = fine;
-  other.render.march_steps = fast.render.march_steps;
+  other.render = fast.render;
   other.train.seconds = fast.train.seconds;
   other.field.fast.canonical_hash.log2_table_size = fast.field.fast.canonical_hash.log2_table_size;
   other.field.fast.local_hash.log2_table_size = fast.field.fast.local_hash.log2_table_size;
