@@ -1,5 +1,8 @@
 #include "support/run.h"
 
+#include <torch/cuda.h>
+
+#include <functional>
 #include <iostream>
 #include <sstream>
 #include <vector>
