@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // Shares of a time budget: pretraining finds where things are, training makes the picture. Of a short budget
-// pretraining takes a quarter; beyond that it soon finds nothing that helps detection (docs/benchmarks, "Ten minutes").
+// pretraining takes a quarter; of a long one less, as more helps detection little (docs/benchmarks, "Ten minutes").
 constexpr double kPretrainShare = 0.25;
 constexpr double kEnoughSeconds = 40, kEnoughShare = 0.07;
 constexpr double kReportShare = 0.12;
