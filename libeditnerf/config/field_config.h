@@ -129,6 +129,7 @@ struct FastFieldConfig {
   Choice local_frames = Choice::kOn;  // of parts that turn, so that they stand still in local_hash; on while undecided
   bool shade = false;                 // what a part casts on others and on what stands still, with several key points
   HashEncodingConfig shade_hash = {6, 2, 15, 8, 128};  // over x' - k_i, for the colour alone
+  double shade_along_light = 0.25;                     // of a length along the light, as the encoding of shade sees it
   int64_t ambient_octaves = 2;    // of pretraining's ambient coordinates, for the density network, beside the identity
   int64_t key_point_octaves = 2;  // of the key point's, in training
   int64_t ambient_window_delay = 0;  // steps of pretraining during which the scene is taken as static
@@ -153,6 +154,11 @@ struct FastFieldConfig {
     v("shade", shade,
       "with several key points, let the colour see every place from each of them, whichever governs it: shadows that a "
       "part casts on the others and on what stands still");
+    v("shade_along_light", shade_along_light,
+      "of a length along the light, as shade_hash sees it, where detection has found the light's direction: shadows "
+      "hardly "
+      "change along it",
+      Between(0.01, 1));
     v("shade_hash", shade_hash, "hash encoding over x' - k of each key point, for shade, in a cube as local_hash's");
     v("ambient_octaves", ambient_octaves,
       "octaves of pretraining's ambient coordinates, fed to the density network beside the identity", Between(0, 10));

@@ -56,6 +56,14 @@ std::vector<float> WindowsAt(const FastFieldConfig& config, int64_t step) {
   return windows;
 }
 
+// Rows: two axes across the light and one along it.
+torch::Tensor ShadeAxes(const std::optional<Vec3>& lamp, double along_light) {
+  if (!lamp) return torch::eye(3);
+  const Vec3 along = Normalized(*lamp), off = std::abs(along.z) < 0.7 ? Vec3{0, 0, 1} : Vec3{1, 0, 0};
+  const Vec3 u = Normalized(Cross(off, along)), v = Cross(along, u), w = along * along_light;
+  return torch::tensor({u.x, u.y, u.z, v.x, v.y, v.z, w.x, w.y, w.z}, torch::kFloat32).view({3, 3});
+}
+
 }  // namespace
 
 FastHyperspace::FastHyperspace(const FastHyperspaceOptions& options) : options_(options) {
@@ -76,6 +84,7 @@ FastHyperspace::FastHyperspace(const FastHyperspaceOptions& options) : options_(
   if (HasShade()) {
     shade_resolutions_ = Resolutions(config.shade_hash, RoomsFor(options_.num_key_points));
     shade_table_ = register_parameter("shade_table", MakeTable(config.shade_hash));
+    shade_axes_ = register_buffer("shade_axes", ShadeAxes(options_.lamp, config.shade_along_light));
   }
   const Box& box = options_.box;
   box_low_ = register_buffer("box_low", torch::tensor({box.low.x, box.low.y, box.low.z}, torch::kFloat32));
@@ -115,7 +124,8 @@ torch::Tensor FastHyperspace::ShadeFeatures(const HyperspaceInput& input) const 
   CheckShape(input.from_keys, {samples, number, 3}, "fast field from_keys");
   torch::Tensor fade;
   const torch::Tensor unit =
-      ((InLocalCube(input.from_keys, &fade) + 0.5).clamp(0, 1) + rooms_) / static_cast<double>(RoomsFor(number));
+      ((InLocalCube(input.from_keys.matmul(shade_axes_.t()), &fade) + 0.5).clamp(0, 1) + rooms_) /
+      static_cast<double>(RoomsFor(number));
   const torch::Tensor encoded = HashEncode(unit.reshape({-1, 3}), shade_table_, shade_resolutions_);
   return (encoded.view({samples, number, -1}) * fade).sum(1);
 }
@@ -177,7 +187,11 @@ void FastHyperspace::AddTo(FusedField* field) const {
   field->low = {static_cast<float>(low.x), static_cast<float>(low.y), static_cast<float>(low.z)};
   field->side = static_cast<float>(options_.box.LongestSide());
   if (options_.num_key_points > 0) field->local = {local_table_, local_resolutions_, local_copy_};
-  if (HasShade()) field->shade = {shade_table_, shade_resolutions_, shade_copy_};
+  if (HasShade()) {
+    field->shade = {shade_table_, shade_resolutions_, shade_copy_};
+    const torch::Tensor axes = shade_axes_.to(torch::kCPU, torch::kFloat32).contiguous();
+    std::copy_n(axes.data_ptr<float>(), field->shade_axes.size(), field->shade_axes.begin());
+  }
   field->local_windows = local_windows_;
   field->local_side = static_cast<float>(options_.box.LongestSide() * config.local_extent);
   field->fade_margin = static_cast<float>(kFade);

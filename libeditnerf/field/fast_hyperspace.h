@@ -10,8 +10,10 @@
 //
 // A part casts shadows on places that other key points govern, where p, as in eq. (3), says nothing of it. In x' - k_i
 // the space that part i shades stands still as well, under light from afar, and whatever the other parts do:
-//   s = sum_i hash_s(x' - k_i), each key point in its room, fading out as above
-// for the colour alone, as a shadow has no density; key points are not moved by it.
+//   s = sum_i hash_s(A (x' - k_i)), each key point in its room, fading out as above
+// for the colour alone, as a shadow has no density; key points are not moved by it. Along the light a shadow hardly
+// changes: where it is known where the lamp is, A turns one axis to it and makes what lies along it a quarter as long,
+// so that a lifted part's shadow is where no frame has shown it. Otherwise A = 1.
 //
 // Takes the place of H in EditableNeRF, eq. (4). Without key points (pretraining) there is no second hash encoding.
 #pragma once
@@ -38,6 +40,7 @@ struct FastHyperspaceOptions {
   int64_t num_key_points = 0;  // N; 0: HyperspaceInput::local is not given
   bool use_direction = true;
   int64_t appearance_dim = 0;  // 0: the colour does not depend on the frame
+  std::optional<Vec3> lamp;    // towards it, unit length, scene axes
 };
 
 class FastHyperspace : public HyperspaceNetwork {
@@ -73,6 +76,7 @@ class FastHyperspace : public HyperspaceNetwork {
                              shade_copy_ = std::make_shared<Bf16Table>();  // for the kernels
   torch::Tensor box_low_;                                                  // [3] buffer
   torch::Tensor rooms_;                                                    // [N, 3] buffer, corners in rooms
+  torch::Tensor shade_axes_;                                               // [3, 3] buffer, A
   Mlp density_network_{nullptr}, color_network_{nullptr};
 };
 

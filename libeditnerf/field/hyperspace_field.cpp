@@ -36,6 +36,7 @@ std::shared_ptr<HyperspaceNetwork> MakeNetwork(const HyperspaceFieldOptions& opt
     fast.box = options.box;
     fast.ambient_dim = ambient_dim;
     if (options.stage == FieldStage::kTrain) fast.num_key_points = options.num_key_points;
+    fast.lamp = options.lamp;
     fast.use_direction = config.HasViewDirection();
     fast.appearance_dim = appearance_dim;
     return std::make_shared<FastHyperspace>(fast);
@@ -154,8 +155,10 @@ FieldOutput HyperspaceField::Evaluate(const FieldInput& input, const FrameStates
   HyperspaceInput inner = ToHyperspace(input, states, &output);
   if (options_.config.HasViewDirection()) inner.direction = input.direction;
   if (appearance_codes_) inner.appearance = RowsOf(states.appearance_code, input.state, "appearance codes");
-  if (weights_ && options_.config.HasShade()) {
-    inner.from_keys = (inner.x_canonical.unsqueeze(1) - states.key_points.index_select(0, input.state)).detach();
+  if (has_shade()) {
+    const torch::Tensor& casters = states.casters.defined() ? states.casters : states.key_points;
+    CheckShape(casters, {kAny, num_key_points(), 3}, "field casters");
+    inner.from_keys = (inner.x_canonical.unsqueeze(1) - casters.index_select(0, input.state)).detach();
   }
   const HyperspaceOutput result = (level == Level::kCoarse && coarse_ ? coarse_ : fine_)->Evaluate(inner);
   output.density = result.density;

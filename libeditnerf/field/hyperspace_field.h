@@ -26,6 +26,7 @@ struct HyperspaceFieldOptions {
   int64_t num_key_points = 0;    // N, training only; 0: a static scene
   torch::Tensor initial_tracks;  // [T, N, 3], scene units; undefined: to be loaded from a checkpoint
   torch::Tensor initial_turns;  // [T, N, 3], rotation vectors from the parts' own axes to the scene's; may be undefined
+  std::optional<Vec3> lamp;     // towards the lamp, unit length, scene axes; where it is known, or as loaded
   bool local_frames = false;    // parts turn, which `initial_turns` says, or the checkpoint to be loaded
 };
 
@@ -48,6 +49,7 @@ class HyperspaceField : public RadianceField {
   int64_t num_key_points() const { return options_.stage == FieldStage::kTrain ? options_.num_key_points : 0; }
   KeyPointTable key_points() { return key_points_; }  // empty in pretraining
   bool has_local_frames() const { return !local_frames_.is_empty(); }
+  bool has_shade() const { return !weights_.is_empty() && options_.config.HasShade(); }
   LocalFrames local_frames() const { return local_frames_; }  // empty where nothing turns
   torch::Tensor LocalFramesOf(const torch::Tensor& key_points) override;
 

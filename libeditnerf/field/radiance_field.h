@@ -23,6 +23,9 @@ struct FrameStates {
   torch::Tensor warp_code;        // [F, Dw]
   torch::Tensor appearance_code;  // [F, Da]
   torch::Tensor key_points;       // [F, N, 3], scene units
+  // [F, N, 3], where the parts are that cast shade, no gradient; undefined: at key_points, as in every picture.
+  // Training shows what stands still with its parts in one place and their shade in another (training/drawn_states.h).
+  torch::Tensor casters{};
 
   // (1 - weight) * a + weight * b, row by row.
   static FrameStates Interpolate(const FrameStates& a, const FrameStates& b, double weight);
@@ -75,7 +78,8 @@ class RadianceField : public torch::nn::Module {
 
 // What the fused kernels read of the states.
 inline FusedStates FusedStatesOf(RadianceField& field, const FrameStates& states) {
-  return {states.key_points, field.LocalFramesOf(states.key_points), states.warp_code, states.appearance_code};
+  return {states.key_points, field.LocalFramesOf(states.key_points), states.warp_code, states.appearance_code,
+          states.casters};
 }
 
 }  // namespace editnerf

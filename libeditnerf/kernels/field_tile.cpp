@@ -71,6 +71,7 @@ FieldKernel::FieldKernel(const FusedField& field, const FusedStates& states)
   const int64_t n = field_.num_key_points;
   if (n == 0) return;
   keys_ = data(states_.key_points);
+  casters_ = states_.casters.defined() ? data(states_.casters) : keys_;
   if (field_.local_frames) frames_ = data(states_.local_frames);
   const float *const scale = field_.key_scale.data_ptr<float>(), *const offset = field_.key_offset.data_ptr<float>();
   local_keys_.resize(static_cast<size_t>(num_states_ * n * 3));
@@ -211,11 +212,16 @@ void FieldKernel::Shade(const int32_t* state, int64_t count, TileMemory& tile) c
   const int64_t levels = rows_.shade_features / 2, padded = PaddedSamples(count);
   const auto per_room = 1 / static_cast<float>(rooms);
   const float* const x = tile.Row(rows_.x);
+  const std::array<float, 9>& axes = field_.shade_axes;
   for (int64_t i = 0; i < n; ++i) {
     float *const unit = tile.Row(rows_.shade_unit + 3 * i), *const fade = tile.Row(rows_.shade_fade + i);
     for (int64_t s = 0; s < count; ++s) {
-      const float* const key = KeyPoints(state[s]) + 3 * i;
-      for (int64_t axis = 0; axis < 3; ++axis) TileRow(unit, axis)[s] = TileRow(x, axis)[s] - key[axis];
+      const float* const caster = casters_ + 3 * (state[s] * n + i);
+      const float apart[3] = {x[s] - caster[0], TileRow(x, 1)[s] - caster[1], TileRow(x, 2)[s] - caster[2]};
+      for (int64_t axis = 0; axis < 3; ++axis) {
+        const float* const to = axes.data() + 3 * axis;
+        TileRow(unit, axis)[s] = to[0] * apart[0] + to[1] * apart[1] + to[2] * apart[2];
+      }
     }
     LocalCoordinates(unit, nullptr, field_.local_side, field_.fade_margin, count, unit, fade);
     const auto corner = RoomOf(i, rooms);

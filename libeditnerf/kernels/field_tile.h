@@ -79,7 +79,7 @@ class FieldKernel {
   FieldRows rows_;
   TileMlp density_, color_, weights_, slicing_;
   int64_t num_states_ = -1;
-  const float *keys_ = nullptr, *frames_ = nullptr, *codes_ = nullptr, *appearances_ = nullptr;
+  const float *keys_ = nullptr, *casters_ = nullptr, *frames_ = nullptr, *codes_ = nullptr, *appearances_ = nullptr;
   int64_t open_levels_ = 0;        // of the local encoding
   std::vector<float> local_keys_;  // [F, N, 3], in local coordinates
 };

@@ -87,8 +87,8 @@ class ShortTrainings {
     window = std::min(window, stage.trial_steps / 2);
     stage.dump_bad_steps = false;
     for (int64_t* batch : {&stage.rays_per_step, &stage.samples_per_step}) *batch = (*batch + 1) / 2;
-    Trainer trainer(MakeRun(trial, stage_, scene_, detected.tracks, request_.device, detected.turns), scene_,
-                    detected.supervision, {});
+    Trainer trainer(MakeRun(trial, stage_, scene_, detected.tracks, request_.device, detected.turns, detected.lamp),
+                    scene_, detected.supervision, {});
     trainer.SetDepthTargets(depth);
     trainer.SetKnownPlaces(Joined(detected.still_depth, detected.part_depth));
     const Stopwatch clock;

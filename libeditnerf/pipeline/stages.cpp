@@ -114,7 +114,7 @@ Run TrainStage(const Scene& scene, const StageRequest& request, FieldStage stage
     }
     LogInfo("continuing {} at step {}", request.out.string(), loaded.run.counters.step);
   } else {
-    loaded.run = MakeRun(request.config, stage, scene, detected.tracks, request.device, detected.turns);
+    loaded.run = MakeRun(request.config, stage, scene, detected.tracks, request.device, detected.turns, detected.lamp);
     if (stage == FieldStage::kTrain && request.config.train.warm_start) StartWarm(request, &loaded.run);
   }
   loaded.run.scene_path = fs::absolute(request.scene_folder).lexically_normal().string();
@@ -208,6 +208,7 @@ DetectedKeyPoints ReadTracks(const Scene& scene, const fs::path& folder) {
                      folder.string(), detected.tracks.size(0), frames);
   }
   detected.turns = ReadPartTurns(folder, frames, detected.tracks.size(1));
+  detected.lamp = ReadLamp(folder);
   return detected;
 }
 

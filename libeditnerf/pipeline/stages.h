@@ -49,6 +49,7 @@ void RunTraining(const Scene& scene, const StageRequest& request, const std::fil
 struct DetectedKeyPoints {
   torch::Tensor tracks, turns;
   std::optional<KeyPointSupervision> supervision;
+  std::optional<Vec3> lamp;              // the direction of the light, unit length
   DepthTargets still_depth, part_depth;  // known distances of what stands still, and of rigid parts that move
 };
 DetectedKeyPoints ReadDetectedKeyPoints(const Scene& scene, const std::filesystem::path& folder);

@@ -5,6 +5,7 @@
 #include "libeditnerf/base/safetensors.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/imaging/image_file.h"
+#include "libeditnerf/imaging/json_file.h"
 #include "libeditnerf/imaging/key_point_files.h"
 #include "libeditnerf/tracking/detection_pictures.h"
 #include "libeditnerf/tracking/detection_run.h"
@@ -62,11 +63,10 @@ nlohmann::json Describe(const Scene& scene, const DetectionRun& run) {
   }
   nlohmann::json ids = nlohmann::json::array();
   for (size_t t = 0; t < scene.train.size(); ++t) ids.push_back(id_of(static_cast<int64_t>(t)));
-  return {{"count", detection.count()},
-          {"units", "scene"},
-          {"training_ids", ids},
-          {"key_points", points},
-          {"candidates", detection.candidates.size()},
+  nlohmann::json lamp;
+  if (run.lamp) lamp = {run.lamp->direction.x, run.lamp->direction.y, run.lamp->direction.z};
+  return {{"count", detection.count()}, {"units", "scene"},     {"lamp", lamp},
+          {"training_ids", ids},        {"key_points", points}, {"candidates", detection.candidates.size()},
           {"notes", detection.notes}};
 }
 
@@ -112,6 +112,19 @@ torch::Tensor ReadPartTurns(const fs::path& folder, int64_t frames, int64_t key_
   }
   if (!turns.isfinite().all().item<bool>()) Throw<DataError>("{}: a turn is not finite", path.string());
   return turns;
+}
+
+std::optional<Vec3> ReadLamp(const fs::path& folder) {
+  const fs::path path = folder / "data" / "detection.json";
+  if (!fs::exists(path)) return std::nullopt;
+  const Json json = ReadJson(path);
+  if (!json.is_object() || !json.contains("lamp") || json["lamp"].is_null()) return std::nullopt;
+  const std::vector<double> to = JsonNumbers(json, "lamp", 3, path.string());
+  const Vec3 lamp = {to[0], to[1], to[2]};
+  if (const double length = Norm(lamp); !(length > 0.5 && length < 2)) {
+    Throw<DataError>("{}: lamp: expected a direction of length 1, found one of {:g}", path.string(), length);
+  }
+  return Normalized(lamp);
 }
 
 }  // namespace editnerf

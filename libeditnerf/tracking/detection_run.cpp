@@ -32,6 +32,15 @@ FlowSequence FlowsOf(const Scene& scene, const PretrainedMaps& pretrained, const
   return CarryMotionOn(images, flow, flows);
 }
 
+void LogLamp(const std::optional<Lamp>& lamp) {
+  if (!lamp) return LogInfo("light: no direction stands out in what parts shade");
+  const Vec3& to = lamp->direction;
+  LogInfo(
+      "light: from ({:.2f}, {:.2f}, {:.2f}), which explains {:.0f} % of what is shaded when, and most directions "
+      "{:.0f} %",
+      to.x, to.y, to.z, 100 * lamp->explained, 100 * lamp->usual);
+}
+
 }  // namespace
 
 DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, const DetectionConfig& config,
@@ -57,6 +66,11 @@ DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, 
           run.still_depth.size());
   if (config.refine && run.detection.count() > 0) {
     run.refined = RefineTracks(MakeClip(scene, run.depth, run.flows), &run.detection);
+  }
+  if (run.detection.count() > 1) {
+    run.lamp = FindLamp(MakeClip(scene, run.depth, run.flows), run.still_depth, run.detection.part_depth,
+                        run.detection.tracks);
+    LogLamp(run.lamp);
   }
   run.detection.notes.insert(run.detection.notes.begin(), "optical flow: " + flow.Name());
   for (const std::string& note : run.detection.notes) LogInfo("detection: {}", note);

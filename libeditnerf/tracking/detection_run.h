@@ -4,11 +4,13 @@
 #include <torch/types.h>
 
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 #include "libeditnerf/config/config.h"
 #include "libeditnerf/scene/scene.h"
 #include "libeditnerf/tracking/key_point_detection.h"
+#include "libeditnerf/tracking/lamp.h"
 #include "libeditnerf/tracking/track_refinement.h"
 
 namespace editnerf {
@@ -19,6 +21,7 @@ struct DetectionRun {
   FlowSequence flows;
   torch::Tensor depth;       // [T, H, W] float32, the pretrained maps with known distances in their places
   DepthTargets still_depth;  // by triangulation of what stands still; those of rigid parts: detection.part_depth
+  std::optional<Lamp> lamp;  // of several key points, where their shadows tell it
 };
 
 // Flow of the training images, detection, refinement. Notes, of which the first names the flow, go to the log; a
@@ -52,5 +55,9 @@ std::filesystem::path PartTurnsPath(const std::filesystem::path& folder);
 // The rotation vectors [T, N, 3] of N key points' parts in T training frames; undefined where there is no such file.
 // Throws CheckpointError or DataError naming it where it is broken or does not fit.
 torch::Tensor ReadPartTurns(const std::filesystem::path& folder, int64_t frames, int64_t key_points);
+
+// Towards the lamp, unit length, scene axes, from data/detection.json; nothing where there is no such file or no lamp
+// in it. Throws DataError naming it where it is broken.
+std::optional<Vec3> ReadLamp(const std::filesystem::path& folder);
 
 }  // namespace editnerf

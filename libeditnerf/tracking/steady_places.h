@@ -2,7 +2,8 @@
 // anew (train.still_share).
 //
 // Standing still is not enough. A part that rests for a while is triangulated with everything else, and is gone under
-// another key point; and over the floor beside it its shadow passes, which no edit would show any more.
+// another key point; and over the floor beside it its shadow passes, which no edit would show any more unless the field
+// keeps shade by itself (field.fast.shade).
 #pragma once
 
 #include "libeditnerf/tracking/clip.h"
@@ -10,10 +11,10 @@
 
 namespace editnerf {
 
-// Marks the others among `still` kNotCarried, whose distances hold as before, and returns how many they are:
-//   - places beside one of `parts` in its frame, as far away;
-//   - places of which some of the clip's frames see the same hue, but darker or lighter than the rest of the scene is
-//     there: patches of 5 x 5 pixels, so that another thing before the place, of another hue, says nothing.
+// Marks the others among `still`, whose distances hold as before, and returns how many they are:
+//   - kNotCarried: places beside one of `parts` in its frame, as far away;
+//   - kOtherLight: places that some of the clip's frames see darker or lighter than the rest of the scene is there
+//     (place_light.h).
 int64_t MarkUnsteadyPlaces(const Clip& clip, const DepthTargets& parts, DepthTargets* still);
 
 }  // namespace editnerf

@@ -55,7 +55,7 @@ DepthTargets ReadDepthTargets(const std::filesystem::path& path, int64_t frames,
     Throw<DataError>("{}: holds places outside {} frames of {} x {} pixels; detect again on this scene", path.string(),
                      frames, width, height);
   }
-  if (!Within(targets.key_point, kNotCarried, key_points)) {
+  if (!Within(targets.key_point, kOtherLight, key_points)) {
     Throw<DataError>("{}: names a key point that is none of the {} in data/k_points_auto.txt; detect again",
                      path.string(), key_points);
   }

@@ -9,7 +9,8 @@ namespace editnerf {
 
 // Instead of a key point's number.
 constexpr int64_t kStandsStill = -1;
-constexpr int64_t kNotCarried = -2;  // on a part without a key point, or that rests, or under a shadow that passes
+constexpr int64_t kNotCarried = -2;  // on a part without a key point, or that rests
+constexpr int64_t kOtherLight = -3;  // stands still, under a shadow that passes
 
 struct DepthTargets {
   torch::Tensor frame;      // [M] int64, training frames in time order

@@ -55,6 +55,7 @@ struct KeyPointSetup {
   int64_t count = 0;
   torch::Tensor tracks, turns;
   bool local_frames = false;
+  std::optional<Vec3> lamp{};
 };
 
 void Build(Run* run, const Box& box, const KeyPointSetup& key_points) {
@@ -67,6 +68,7 @@ void Build(Run* run, const Box& box, const KeyPointSetup& key_points) {
   options.initial_tracks = key_points.tracks;
   options.initial_turns = key_points.turns;
   options.local_frames = key_points.local_frames;
+  options.lamp = key_points.lamp;
   run->field = std::make_shared<HyperspaceField>(options);
   std::optional<Box> local_box;
   if (run->field->has_rigid_anchor()) {
@@ -203,7 +205,7 @@ std::string SkippedText(const RunCounters& counters) {
 }
 
 Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const torch::Tensor& initial_tracks,
-            torch::Device device, const torch::Tensor& initial_turns) {
+            torch::Device device, const torch::Tensor& initial_turns, const std::optional<Vec3>& lamp) {
   Run run;
   run.config = config;
   run.stage = stage;
@@ -212,7 +214,7 @@ Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const to
   run.scene.truth.reset();
   run.device = device;
   KeyPointSetup key_points;
-  if (initial_tracks.defined()) key_points = {initial_tracks.size(1), initial_tracks, {}, false};
+  if (initial_tracks.defined()) key_points = {initial_tracks.size(1), initial_tracks, {}, false, lamp};
   const bool frames = config.field.HasLocalFrames() && key_points.count > 0;
   if (frames) key_points.turns = initial_turns;
   Build(&run, BoxOf(scene), key_points);

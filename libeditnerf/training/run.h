@@ -56,9 +56,11 @@ inline const StageConfig& StageOf(const Run& run) {
 }
 
 // An untrained run over `scene`. For FieldStage::kTrain: `initial_tracks` [T, N, 3], scene units, and `initial_turns`
-// [T, N, 3], rotation vectors of the parts (undefined where none turns), which field.fast.local_frames makes use of.
+// [T, N, 3], rotation vectors of the parts (undefined where none turns), which field.fast.local_frames makes use of;
+// `lamp`: towards the light, unit length, for field.fast.shade.
 Run MakeRun(const Config& config, FieldStage stage, const Scene& scene, const torch::Tensor& initial_tracks,
-            torch::Device device, const torch::Tensor& initial_turns = torch::Tensor());
+            torch::Device device, const torch::Tensor& initial_turns = torch::Tensor(),
+            const std::optional<Vec3>& lamp = std::nullopt);
 
 // Writes RUN/checkpoint.safetensors atomically; `extra` tensors (optimiser, generator) travel under their names.
 void SaveRun(const Run& run, const std::filesystem::path& folder,

@@ -68,7 +68,13 @@ Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision>
 void Trainer::SetKnownPlaces(const DepthTargets& places) {
   if (run_.field->num_key_points() == 0) return;
   // Parts that turn are lit otherwise at every angle: a ray carried along asks for a colour that is not there.
-  rays_.SetKnownPlaces(places, stage_.still_share, run_.field->has_local_frames() ? 0 : stage_.carried_share);
+  rays_.SetKnownPlaces(places, stage_.still_share, run_.field->has_local_frames() ? 0 : stage_.carried_share,
+                       run_.field->has_shade());
+  const torch::Tensor known = AllStates().key_points;
+  part_reach_ = torch::zeros({known.size(1)}, known.options().requires_grad(false));
+  if (places.size() == 0) return;
+  part_reach_ =
+      PartReach(rays_.Positions(places), places.frame.to(run_.device), places.key_point.to(run_.device), known);
 }
 
 void Trainer::Resume(const SavedState& extra) {
@@ -107,8 +113,9 @@ FrameStates Trainer::AllStates() const {
 torch::Tensor Trainer::DrawStates(RayTargets* batch) {
   const torch::NoGradGuard no_grad;
   const torch::Tensor known = AllStates().key_points;
-  torch::Tensor drawn = DrawKeyPoints(known, batch->carrier, run_.field->has_local_frames());
   const int64_t first = batch->frame.size(0) - batch->drawn;
+  torch::Tensor drawn = DrawKeyPointsClearOf({batch->place, batch->frame.slice(0, first), batch->carrier, part_reach_},
+                                             known, run_.field->has_local_frames());
   const torch::Tensor carrier = batch->carrier.clamp_min(0), row = torch::arange(batch->drawn, batch->frame.options());
   const torch::Tensor shift = drawn.index({row, carrier}) - known.index({batch->frame.slice(0, first), carrier});
   batch->rays.origin.slice(0, first) += shift * batch->carrier.ge(0).unsqueeze(1);
@@ -117,7 +124,7 @@ torch::Tensor Trainer::DrawStates(RayTargets* batch) {
 
 FrameStates Trainer::StatesOf(const RayTargets& batch, const torch::Tensor& drawn) const {
   if (!drawn.defined()) return AllStates();
-  return WithDrawn(AllStates(), drawn, batch.frame.slice(0, batch.frame.size(0) - batch.drawn));
+  return WithDrawn(AllStates(), drawn, batch.frame.slice(0, batch.frame.size(0) - batch.drawn), batch.carrier);
 }
 
 // Everything random that a step's gradients depend on, but for the places of samples along hierarchical rays, which

@@ -28,7 +28,8 @@ class Trainer {
   void SetDepthTargets(const DepthTargets& targets) { rays_.SetDepthTargets(targets); }
 
   // Places that stand still (still_share) or that a key point carries (carried_share), to be seen in states that no
-  // frame has. Of no use without key points; parts that turn are not carried. Before the first step.
+  // frame has: those in changing light too, where the field sees shade by itself. Of no use without key points; parts
+  // that turn are not carried. Before the first step.
   void SetKnownPlaces(const DepthTargets& places);
 
   // Takes over the optimiser and generator state of a loaded run.
@@ -80,6 +81,7 @@ class Trainer {
   std::optional<KeyPointSupervision> supervision_;
   std::filesystem::path folder_;
   TrainingRays rays_;
+  torch::Tensor part_reach_;  // [N], scene units, drawn_states.h
   HeldOut held_out_;
   Adam adam_;
   WeightAverage average_;

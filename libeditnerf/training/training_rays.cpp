@@ -36,10 +36,13 @@ void TrainingRays::SetDepthTargets(const DepthTargets& targets) {
   target_pixel_ = PixelsOf(targets_);
 }
 
-void TrainingRays::SetKnownPlaces(const DepthTargets& places, double still_share, double carried_share) {
+void TrainingRays::SetKnownPlaces(const DepthTargets& places, double still_share, double carried_share,
+                                  bool any_light) {
   still_ = carried_ = {};
   if (places.size() == 0) return;
-  still_ = Where(places, places.key_point == kStandsStill, still_share);
+  torch::Tensor still = places.key_point == kStandsStill;
+  if (any_light) still = still | (places.key_point == kOtherLight);
+  still_ = Where(places, still, still_share);
   carried_ = Where(places, places.key_point >= 0, carried_share);
 }
 
@@ -49,6 +52,11 @@ TrainingRays::KnownPlaces TrainingRays::Where(const DepthTargets& places, const 
   if (row.numel() == 0) return {};
   const auto rows = [&](const torch::Tensor& all) { return all.index_select(0, row).to(images_.device()); };
   return {share, rows(PixelsOf(places)), rows(places.distance), rows(places.key_point)};
+}
+
+torch::Tensor TrainingRays::Positions(const DepthTargets& places) const {
+  const Rays rays = Through(PixelsOf(places).to(images_.device())).rays;
+  return rays.origin + rays.direction * places.distance.to(images_.device()).unsqueeze(1);
 }
 
 torch::Tensor TrainingRays::PixelsOf(const DepthTargets& places) const {
@@ -86,6 +94,11 @@ RayTargets TrainingRays::Sample(int64_t count) const {
   batch.frame = seen.frame;
   batch.rays = seen.rays;
   batch.target = seen.target;
+  if (batch.drawn > 0) {
+    const int64_t first = count - batch.drawn;
+    const torch::Tensor distance = batch.start.slice(0, first) / kBefore;
+    batch.place = batch.rays.origin.slice(0, first) + batch.rays.direction.slice(0, first) * distance.unsqueeze(1);
+  }
   return batch;
 }
 

@@ -19,10 +19,11 @@ struct RayTargets {
   torch::Tensor target;               // [R, 3], colours in [0, 1]
   torch::Tensor distance, tolerance;  // [R], of DepthTargets, NaN where unknown; undefined without any
   // The last `drawn` rays go through known places. From `start` on they show the same whatever state the scene is in,
-  // if they go along with the key point that carries the place.
+  // but for its light, if they go along with the key point that carries the place.
   int64_t drawn = 0;
   torch::Tensor start;    // [R], 0 for the other rays; undefined without any
-  torch::Tensor carrier;  // [drawn] int64, the key point that carries the place, or kStandsStill
+  torch::Tensor carrier;  // [drawn] int64, the key point that carries the place, or below 0
+  torch::Tensor place;    // [drawn, 3], scene units
 };
 
 class TrainingRays {
@@ -34,8 +35,11 @@ class TrainingRays {
   void SetDepthTargets(const DepthTargets& targets);
 
   // From now on these shares of the rays, together at most three quarters, go through the places that stand still and
-  // through those that a key point carries.
-  void SetKnownPlaces(const DepthTargets& places, double still_share, double carried_share);
+  // through those that a key point carries. Under passing shadows (kOtherLight) too, with `any_light`.
+  void SetKnownPlaces(const DepthTargets& places, double still_share, double carried_share, bool any_light = false);
+
+  // Where known places are, [M, 3], scene units.
+  torch::Tensor Positions(const DepthTargets& places) const;
 
   // `count` pixels drawn uniformly, with repetition, from LibTorch's default CPU generator.
   RayTargets Sample(int64_t count) const;

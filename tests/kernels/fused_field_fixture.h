@@ -65,6 +65,7 @@ inline HyperspaceFieldOptions OptionsFor(const Setting& setting) {
   if (setting.stage == FieldStage::kTrain && setting.key_points > 0) {
     options.num_key_points = setting.key_points;
     options.initial_tracks = torch::rand({kFrames, setting.key_points, 3}) - 0.5;
+    if (setting.key_points > 2) options.lamp = Normalized({0.3, -0.5, 0.8});
     if (setting.turning) options.initial_turns = 2 * torch::rand({kFrames, setting.key_points, 3}) - 1;
   }
   return options;
@@ -155,7 +156,12 @@ struct Found {
   Gradients gradients;
 };
 
-inline FrameStates AllStates(HyperspaceField& field) { return field.States(torch::arange(kFrames, torch::kInt64)); }
+// With an even number of key points their shade is cast from where they are in another frame.
+inline FrameStates AllStates(HyperspaceField& field) {
+  FrameStates states = field.States(torch::arange(kFrames, torch::kInt64));
+  if (field.has_shade() && field.num_key_points() % 2 == 0) states.casters = states.key_points.detach().flip(0);
+  return states;
+}
 
 inline Found ModuleByModule(HyperspaceField& field, RayRenderer& renderer, RayBatch rays, RayOptions options,
                             RayObjective objective, torch::Dtype type) {

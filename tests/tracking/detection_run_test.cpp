@@ -1,8 +1,11 @@
 #include "libeditnerf/tracking/detection_run.h"
 
+#include <fmt/format.h>
+
 #include <filesystem>
 
 #include "libeditnerf/base/error.h"
+#include "libeditnerf/base/file.h"
 #include "libeditnerf/imaging/key_point_files.h"
 #include "libeditnerf/tracking/detection_pictures.h"
 #include "moving_spheres.h"
@@ -67,6 +70,24 @@ TEST_CASE("turns of parts come back from their file, go where none turns, and ar
   run.detection.turns = torch::Tensor();
   WriteDetection(clip.scene, run, folder);
   CHECK(!ReadPartTurns(folder, 6, 2).defined());
+  std::filesystem::remove_all(folder);
+}
+
+TEST_CASE("the light's direction comes back from detection's file, and is refused where it is none") {
+  const MovingSpheres clip = RenderMovingSpheres({Resting({0, 0, 0.2})}, {6, 64, 48});
+  DetectionRun run = RunDetection(clip.scene, clip.maps, SmallConfig());
+  const std::filesystem::path folder = std::filesystem::temp_directory_path() / "editnerf_lamp_file_test";
+  std::filesystem::remove_all(folder);
+  CHECK(!ReadLamp(folder));  // no file
+  WriteDetection(clip.scene, run, folder);
+  CHECK(!ReadLamp(folder));  // none found
+  run.lamp = Lamp{Normalized({0.2, -0.3, 0.9}), 0.5, 0.1};
+  WriteDetection(clip.scene, run, folder);
+  CHECK(Norm(ReadLamp(folder).value() - run.lamp->direction) < 1e-12);
+  for (const char* lamp : {"[0, 0, 0]", "[1, 2]", "\"up\"", "[1e30, 0, 0]"}) {
+    WriteFileAtomically(folder / "data" / "detection.json", fmt::format("{{\"lamp\": {}}}", lamp));
+    CHECK_THROWS_WITH(ReadLamp(folder), HasText("detection.json"));
+  }
   std::filesystem::remove_all(folder);
 }
 

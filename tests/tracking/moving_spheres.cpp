@@ -77,6 +77,7 @@ Clip ClipWithoutFlow(const MovingSpheres& rendered) {
   for (size_t t = 0; t < rendered.scene.frames.size(); ++t) {
     const auto row = static_cast<int64_t>(t);
     clip.cameras.push_back(rendered.scene.frames[t].camera);
+    clip.images.push_back(rendered.scene.images[row]);
     clip.gray.push_back(rendered.scene.images[row].to(torch::kFloat32).mean(2).contiguous());
     clip.depth.push_back(rendered.maps.depth[row]);
   }
@@ -127,8 +128,10 @@ MovingSpheres RenderMovingSpheres(const std::vector<Sphere>& spheres, const Clip
         const Hit hit = Trace(spheres, t, camera.position, direction);
         clip.maps.depth.data_ptr<float>()[pixel] = static_cast<float>(hit.distance);
         clip.part.data_ptr<int64_t>()[pixel] = hit.part;
+        const Vec3 place = camera.position + direction * hit.distance;
+        const bool shaded = options.lamp && hit.part < 0 && Trace(spheres, t, place, *options.lamp).part >= 0;
         for (int64_t channel = 0; channel < 3; ++channel) {
-          const double shade = 30 + 200 * Texture(hit.local, 10 * (hit.part + 2) + channel / 2);
+          const double shade = (shaded ? 0.5 : 1) * (30 + 200 * Texture(hit.local, 10 * (hit.part + 2) + channel / 2));
           clip.scene.images.data_ptr<uint8_t>()[3 * pixel + channel] = static_cast<uint8_t>(shade);
         }
         if (hit.part < 0) continue;

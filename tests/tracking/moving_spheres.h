@@ -5,6 +5,7 @@
 #include <torch/types.h>
 
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "libeditnerf/scene/scene.h"
@@ -24,6 +25,7 @@ struct ClipOptions {
   double arc = 0.25;            // radians that the camera travels
   double ambient_noise = 0.02;  // standard deviation
   double depth_noise = 0;       // standard deviation, share of the depth
+  std::optional<Vec3> lamp{};   // towards light from afar, unit length; the floor in its shade is half as light
 };
 
 struct MovingSpheres {
@@ -37,7 +39,7 @@ struct MovingSpheres {
 
 MovingSpheres RenderMovingSpheres(const std::vector<Sphere>& spheres, const ClipOptions& options = {});
 
-// Cameras, grey images and depth; no flow.
+// Cameras, images in colour and grey, and depth; no flow.
 Clip ClipWithoutFlow(const MovingSpheres& rendered);
 
 // A sphere that slides to and fro along a direction: center + amplitude sin(2 pi cycles t / frames).

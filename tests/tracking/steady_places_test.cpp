@@ -25,6 +25,7 @@ Clip Wall() {
   for (int64_t t = 0; t < kFrames; ++t) {
     clip.cameras.push_back(camera);
     clip.images.push_back(picture.to(torch::kUInt8));
+    clip.depth.push_back(torch::full({kHeight, kWidth}, 2.0F));
   }
   return clip;
 }
@@ -67,7 +68,17 @@ TEST_CASE("places over which a shadow passes are not steady; those behind someth
   }
   DepthTargets places = PlaceAt({12, 32, 52, 1}, 20, 2);  // the last without room for a patch
   CHECK(MarkUnsteadyPlaces(clip, {}, &places) == 1);
-  CHECK(Marks(places) == std::vector<int64_t>{kNotCarried, kStandsStill, kStandsStill, kStandsStill});
+  CHECK(Marks(places) == std::vector<int64_t>{kOtherLight, kStandsStill, kStandsStill, kStandsStill});
+}
+
+TEST_CASE("what stands before a place and is as grey as it does not count as its shade") {
+  Clip clip = Wall();
+  Paint(&clip, 4, 8, 12, torch::tensor({0.6F, 0.6F, 0.6F}));
+  Paint(&clip, 24, 8, 12, torch::tensor({0.6F, 0.6F, 0.6F}));
+  for (size_t t = 8; t < 12; ++t) clip.depth[t].slice(0, 10, 30).slice(1, 24, 40).fill_(1.5F);
+  DepthTargets places = PlaceAt({12, 32}, 20, 2);
+  CHECK(MarkUnsteadyPlaces(clip, {}, &places) == 1);
+  CHECK(Marks(places) == std::vector<int64_t>{kOtherLight, kStandsStill});
 }
 
 TEST_CASE("places on a part that rests are not steady; those behind it, beside it, and in other frames are") {

@@ -44,3 +44,45 @@ TEST_CASE("along the way key points are drawn between a frame and the next, each
   CHECK(radius.std().item<double>() > 1e-3);  // between frames, too
   CHECK((drawn.select(1, 0) - drawn.select(1, 1)).norm(2, 1).max().item<double>() > 0.9);
 }
+
+TEST_CASE("no part is put where a place stands, and one that cannot be elsewhere stays where it was") {
+  torch::manual_seed(3);
+  torch::Tensor way = torch::zeros({11, 2, 3});
+  way.select(1, 0).select(1, 0).copy_(torch::linspace(0, 1, 11));  // goes along x; key point 1 rests at the origin
+  const int64_t count = 400;
+  ClearPlaces places;
+  places.place = torch::tensor({0.6F, 0.0F, 0.0F}).expand({count, 3});
+  places.frame = torch::zeros({count}, torch::kInt64);
+  places.carrier = torch::full({count}, kOtherLight, torch::kInt64);
+  places.reach = torch::tensor({0.2F, 0.7F});
+  const torch::Tensor drawn = DrawKeyPointsClearOf(places, way, false);
+  const torch::Tensor x = drawn.select(1, 0).select(1, 0);
+  CHECK(((x - 0.6).abs() > 0.2).all().item<bool>());
+  CHECK(x.max().item<double>() > 0.8);
+  CHECK(x.unique_consecutive().numel() > count / 2);
+  CHECK(drawn.select(1, 1).abs().max().item<double>() == 0);  // everywhere within reach: as in its frame
+  places.carrier.fill_(0);                                    // carried places go along with their part
+  CHECK(((DrawKeyPointsClearOf(places, way, false).select(1, 0).select(1, 0) - 0.6).abs() < 0.15).any().item<bool>());
+}
+
+TEST_CASE("a part reaches a little farther than its places") {
+  torch::Tensor way = torch::zeros({2, 2, 3});
+  way[1][0][0] = 5;
+  const torch::Tensor places = torch::tensor({1.0F, 0.0F, 0.0F, 5.0F, 1.0F, 0.0F, 9.0F, 9.0F, 9.0F}).view({3, 3});
+  const torch::Tensor reach = PartReach(places, torch::tensor({0, 1, 0}, torch::kInt64),
+                                        torch::tensor({int64_t{0}, int64_t{0}, kStandsStill}), way);
+  CHECK(reach[0].item<double>() == Approx(1.15));
+  CHECK(reach[1].item<double>() == 0);
+}
+
+TEST_CASE("drawn states have the light of their frame where nothing carries the place, and their own elsewhere") {
+  FrameStates states;
+  states.key_points = torch::rand({4, 2, 3});
+  const torch::Tensor drawn = torch::rand({2, 2, 3}), frame = torch::tensor({3, 1}, torch::kInt64);
+  const FrameStates all = WithDrawn(states, drawn, frame, torch::tensor({kOtherLight, int64_t{1}}));
+  CHECK(torch::equal(all.key_points, torch::cat({states.key_points, drawn})));
+  REQUIRE(all.casters.sizes() == all.key_points.sizes());
+  CHECK(torch::equal(all.casters.slice(0, 0, 4), states.key_points));
+  CHECK(torch::equal(all.casters[4], states.key_points[3]));
+  CHECK(torch::equal(all.casters[5], drawn[1]));
+}

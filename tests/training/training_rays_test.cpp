@@ -56,6 +56,26 @@ TEST_CASE("shares of the rays go through places that stand still or are carried,
   check(0.25, 0.2, 10, 8);
 }
 
+TEST_CASE("rays through what stands still in changing light are drawn where light is kept, and say where they go") {
+  torch::manual_seed(2);
+  const Scene scene = SmallScene();
+  TrainingRays rays(scene, scene.train, torch::kCPU);
+  const DepthTargets places = {torch::tensor({1, 3}, torch::kInt64),
+                               torch::tensor({5, 2, 11, 7}, torch::kInt64).view({2, 2}), torch::tensor({0.5F, 0.7F}),
+                               torch::tensor({0.01F, 0.01F}), torch::tensor({kStandsStill, kOtherLight})};
+  for (const bool any_light : {false, true}) {
+    rays.SetKnownPlaces(places, 0.5, 0, any_light);
+    const RayTargets batch = rays.Sample(60);
+    REQUIRE(batch.drawn == 30);
+    CHECK(((batch.carrier == kOtherLight).sum().item<int64_t>() > 0) == any_light);
+    const torch::Tensor where = rays.Positions(places);
+    for (int64_t i = 0; i < 30; ++i) {
+      const int64_t place = batch.carrier[i].item<int64_t>() == kOtherLight ? 1 : 0;
+      CHECK(torch::allclose(batch.place[i], where[place], 1e-5, 1e-5));
+    }
+  }
+}
+
 TEST_CASE("rays of pixels are those that tensors of cameras give, with the images' colours") {
   Scene scene = SmallScene();
   const bool distorted = GENERATE(false, true);
