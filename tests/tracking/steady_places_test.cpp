@@ -76,9 +76,9 @@ TEST_CASE("what stands before a place and is as grey as it does not count as its
   Paint(&clip, 4, 8, 12, torch::tensor({0.6F, 0.6F, 0.6F}));
   Paint(&clip, 24, 8, 12, torch::tensor({0.6F, 0.6F, 0.6F}));
   for (size_t t = 8; t < 12; ++t) clip.depth[t].slice(0, 10, 30).slice(1, 24, 40).fill_(1.5F);
-  DepthTargets places = PlaceAt({12, 32}, 20, 2);
+  DepthTargets places = PlaceAt({12, 32, 46, 52, 56}, 20, 2);
   CHECK(MarkUnsteadyPlaces(clip, {}, &places) == 1);
-  CHECK(Marks(places) == std::vector<int64_t>{kOtherLight, kStandsStill});
+  CHECK(Marks(places) == std::vector<int64_t>{kOtherLight, kStandsStill, kStandsStill, kStandsStill, kStandsStill});
 }
 
 TEST_CASE("places on a part that rests are not steady; those behind it, beside it, and in other frames are") {
