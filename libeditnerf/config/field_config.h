@@ -156,8 +156,7 @@ struct FastFieldConfig {
       "part casts on the others and on what stands still");
     v("shade_along_light", shade_along_light,
       "of a length along the light, as shade_hash sees it, where detection has found the light's direction: shadows "
-      "hardly "
-      "change along it",
+      "hardly change along it",
       Between(0.01, 1));
     v("shade_hash", shade_hash, "hash encoding over x' - k of each key point, for shade, in a cube as local_hash's");
     v("ambient_octaves", ambient_octaves,

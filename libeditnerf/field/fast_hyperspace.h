@@ -12,8 +12,9 @@
 // the space that part i shades stands still as well, under light from afar, and whatever the other parts do:
 //   s = sum_i hash_s(A (x' - k_i)), each key point in its room, fading out as above
 // for the colour alone, as a shadow has no density; key points are not moved by it. Along the light a shadow hardly
-// changes: where it is known where the lamp is, A turns one axis to it and makes what lies along it a quarter as long,
-// so that a lifted part's shadow is where no frame has shown it. Otherwise A = 1.
+// changes: where the lamp's direction is known, A turns one axis to it and shortens what lies along it
+// (shade_along_light), so that the shadow of a part that is lifted higher than in any frame falls where it should.
+// Otherwise A = 1.
 //
 // Takes the place of H in EditableNeRF, eq. (4). Without key points (pretraining) there is no second hash encoding.
 #pragma once

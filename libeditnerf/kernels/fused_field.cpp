@@ -73,7 +73,13 @@ void CheckFused(const FusedField& field, const FusedStates& states) {
     }
   };
   if (field.num_key_points > 0) check(states.key_points, {field.num_key_points, 3}, "key points");
-  if (states.casters.defined()) check(states.casters, {field.num_key_points, 3}, "casters");
+  if (states.casters.defined()) {
+    check(states.casters, {field.num_key_points, 3}, "casters");
+    if (states.casters.size(0) != states.key_points.size(0)) {
+      Throw<ShapeError>("casters: expected one row for each of the {} states, found {}", states.key_points.size(0),
+                        states.casters.size(0));
+    }
+  }
   if (field.local_frames) check(states.local_frames, {field.num_key_points, 3, 3}, "local frames");
   if (field.code_dim > 0) check(states.warp_code, {field.code_dim}, "warp codes");
   if (field.appearance_dim > 0) check(states.appearance, {field.appearance_dim}, "appearance codes");

@@ -42,15 +42,16 @@ inline std::array<float, 3> RoomOf(int64_t i, int64_t rooms) {
 
 // Tensors are float32, contiguous, on the CPU, and the module's own: kernels read and differentiate them in place.
 struct FusedField {
-  FusedHash canonical;       // over (x - low) / side
-  std::array<float, 3> low;  // scene units
-  float side = 1;            // scene units
-  FusedHash local;           // over l / local_side + 1/2; for N > 1 that + sum_i w^i room_i, over rooms
-  float local_side = 1;      // scene units
-  FusedHash shade;           // over A (x - k_i) / local_side + 1/2 + room_i, over rooms; N > 1 alone
-  std::array<float, 9> shade_axes = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // A, row by row
-  std::vector<float> local_windows;                               // L factors of its features; empty: 1
-  float fade_margin = 0.125;  // share of the local cube's half side over which its features fade to zero
+  FusedHash canonical;               // over (x - low) / side
+  std::array<float, 3> low;          // scene units
+  float side = 1;                    // scene units
+  FusedHash local;                   // over l / local_side + 1/2; for N > 1 that + sum_i w^i room_i, over rooms
+  float local_side = 1;              // scene units
+  std::vector<float> local_windows;  // L factors of its features; empty: 1
+  float fade_margin = 0.125;         // share of the local cube's half side over which its features fade to zero
+  FusedHash shade;                   // over A (x - k_i) / local_side + 1/2 + room_i, over rooms; N > 1 alone
+  // A, row by row.
+  std::array<float, 9> shade_axes = {1, 0, 0, 0, 1, 0, 0, 0, 1};
 
   int64_t num_key_points = 0;        // N; 0: a static scene, or pretraining
   at::Tensor key_scale, key_offset;  // [N], [N, 3]: local coordinates are scale k + offset

@@ -127,9 +127,9 @@ RayTargets TrainingRays::Through(const torch::Tensor& pixel) const {
   ParallelFor(count, kRayGrain, [&](int64_t begin, int64_t end) {
     for (int64_t ray = begin; ray < end; ++ray) {
       const int64_t frame = pixels[ray] / (height * width), within = pixels[ray] % (height * width);
+      const int64_t row = within / width, column = within % width;
       const Camera& camera = each_camera_[static_cast<size_t>(frame)];
-      const Vec3 direction =
-          camera.DirectionThrough(static_cast<double>(within % width) + 0.5, static_cast<double>(within / width) + 0.5);
+      const Vec3 direction = camera.DirectionThrough(static_cast<double>(column) + 0.5, static_cast<double>(row) + 0.5);
       frames[ray] = frame;
       Put(camera.position, origins + 3 * ray);
       Put(direction, directions + 3 * ray);

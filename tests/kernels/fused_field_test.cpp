@@ -390,6 +390,9 @@ TEST_CASE("fused kernels refuse states that do not fit") {
   FrameStates one;
   one.key_points = torch::zeros({1, 1, 3});
   CHECK_THROWS_AS(renderer.Render(*field, rays, one, {}), ShapeError);
+  FrameStates fewer = AllStates(*field);
+  fewer.casters = fewer.key_points.slice(0, 1);
+  CHECK_THROWS_WITH(renderer.Render(*field, rays, fewer, {}), HasText("casters"));
   rays.state = torch::full({3}, kFrames, torch::kInt64);
   CHECK_THROWS_AS(renderer.Render(*field, rays, AllStates(*field), {}), ShapeError);
 }
