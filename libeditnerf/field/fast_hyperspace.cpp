@@ -59,8 +59,8 @@ std::vector<float> WindowsAt(const FastFieldConfig& config, int64_t step) {
 // Rows: two axes across the light and one along it.
 torch::Tensor ShadeAxes(const std::optional<Vec3>& lamp, double along_light) {
   if (!lamp) return torch::eye(3);
-  const Vec3 along = Normalized(*lamp), off = std::abs(along.z) < 0.7 ? Vec3{0, 0, 1} : Vec3{1, 0, 0};
-  const Vec3 u = Normalized(Cross(off, along)), v = Cross(along, u), w = along * along_light;
+  const auto [u, v] = Across(*lamp);
+  const Vec3 w = *lamp * along_light;
   return torch::tensor({u.x, u.y, u.z, v.x, v.y, v.z, w.x, w.y, w.z}, torch::kFloat32).view({3, 3});
 }
 

@@ -29,6 +29,12 @@ inline Vec3 Cross(const Vec3& a, const Vec3& b) {
 inline double Norm(const Vec3& a) { return std::sqrt(Dot(a, a)); }
 inline Vec3 Normalized(const Vec3& a) { return a / Norm(a); }  // undefined for the zero vector
 
+// Two unit vectors across a unit vector, {u, v} with u x v along it.
+inline std::array<Vec3, 2> Across(const Vec3& along) {
+  const Vec3 u = Normalized(Cross(std::abs(along.z) < 0.7 ? Vec3{0, 0, 1} : Vec3{1, 0, 0}, along));
+  return {u, Cross(along, u)};
+}
+
 // Row-major.
 struct Mat3 {
   std::array<double, 9> m = {1, 0, 0, 0, 1, 0, 0, 0, 1};

@@ -36,8 +36,9 @@ void LogLamp(const std::optional<Lamp>& lamp) {
   if (!lamp) return LogInfo("light: no direction stands out in what parts shade");
   const Vec3& to = lamp->direction;
   LogInfo(
-      "light: from ({:.2f}, {:.2f}, {:.2f}), which explains {:.0f} % of what is shaded when, and most directions "
-      "{:.0f} %",
+      "light comes from ({:.2f}, {:.2f}, {:.2f}), scene axes: that explains {:.0f} % of what is in the shade when, "
+      "most "
+      "directions {:.0f} %",
       to.x, to.y, to.z, 100 * lamp->explained, 100 * lamp->usual);
 }
 

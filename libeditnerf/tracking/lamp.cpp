@@ -1,12 +1,12 @@
 #include "libeditnerf/tracking/lamp.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/tracking/place_light.h"
+#include "libeditnerf/training/drawn_states.h"
 
 namespace editnerf {
 namespace {
@@ -15,10 +15,9 @@ constexpr size_t kShadedPlaces = 3000, kOtherPlaces = 1000;  // that are looked 
 constexpr double kLit = 0.9;                                 // percentile of a place's light that counts as unshaded
 constexpr float kShaded = -0.1F, kUnshaded = -0.05F;         // logarithm of how much darker
 constexpr int64_t kFewestShaded = 300;                       // observations
-constexpr double kPartSize = 0.98;                           // percentile of its places' distances from the key point
-constexpr double kSides = 4;                                 // of the square behind a part, in such distances
+constexpr double kSides = 3.5;                               // of the square behind a part, in parts' reaches
 constexpr int64_t kCells = 40;                               // along a side
-constexpr double kBehind = -0.1;                             // of that distance: from where on a place lies behind
+constexpr double kBehind = -0.09;                            // of the reach: from where on a place lies behind
 constexpr int64_t kFewestSeen = 5;                           // observations that tell of a cell
 constexpr int64_t kRounds = 3;                               // of settling which part it was
 constexpr int64_t kDirections = 400;                         // over the whole sphere, some 10 degrees apart
@@ -32,7 +31,7 @@ struct Observations {
   std::vector<Vec3> place;            // P
   std::vector<Shade> shade;           // [P * looks]
   std::vector<std::vector<Vec3>> at;  // [N][looks], the key points
-  std::vector<double> size;           // [N], 0 where a part's places are not known
+  std::vector<double> reach;          // [N], 0 where a part's places are not known
   int64_t dark = 0, light = 0;
 };
 
@@ -55,19 +54,17 @@ std::vector<int64_t> Some(const DepthTargets& places, int64_t mark, size_t most)
   return some;
 }
 
-std::vector<double> SizesOf(const Clip& clip, const DepthTargets& parts,
-                            const torch::TensorAccessor<double, 3>& tracks) {
-  std::vector<double> sizes;
-  for (int64_t n = 0; n < tracks.size(1); ++n) {
-    std::vector<double> away;
-    for (int64_t i = 0; i < parts.size(); ++i) {
-      if (parts.key_point.data_ptr<int64_t>()[i] != n) continue;
-      const auto key = tracks[parts.frame.data_ptr<int64_t>()[i]][n];
-      away.push_back(Norm(PositionOf(clip, parts, i) - Vec3{key[0], key[1], key[2]}));
-    }
-    sizes.push_back(away.empty() ? 0 : Percentile(std::move(away), kPartSize));
+std::vector<double> ReachOf(const Clip& clip, const DepthTargets& parts, const torch::Tensor& tracks) {
+  torch::Tensor places = torch::empty({parts.size(), 3}, torch::kFloat64);
+  for (int64_t i = 0; i < parts.size(); ++i) {
+    const Vec3 at = PositionOf(clip, parts, i);
+    double* const to = places.data_ptr<double>() + 3 * i;
+    to[0] = at.x, to[1] = at.y, to[2] = at.z;
   }
-  return sizes;
+  const torch::Tensor reach = PartReach(places, parts.frame, parts.key_point, tracks);
+  std::vector<double> each(static_cast<size_t>(tracks.size(1)), 0);
+  if (reach.defined()) std::copy_n(reach.data_ptr<double>(), each.size(), each.begin());
+  return each;
 }
 
 Observations Observe(const Clip& clip, const DepthTargets& still, const DepthTargets& parts,
@@ -99,7 +96,7 @@ Observations Observe(const Clip& clip, const DepthTargets& still, const DepthTar
   }
   const torch::Tensor positions = tracks.to(torch::kCPU, torch::kFloat64).contiguous();
   const auto track = positions.accessor<double, 3>();
-  seen.size = SizesOf(clip, parts, track);
+  seen.reach = ReachOf(clip, parts, positions);
   for (int64_t n = 0; n < track.size(1); ++n) {
     seen.at.emplace_back();
     for (const int64_t t : frames) seen.at.back().push_back({track[t][n][0], track[t][n][1], track[t][n][2]});
@@ -107,60 +104,77 @@ Observations Observe(const Clip& clip, const DepthTargets& still, const DepthTar
   return seen;
 }
 
-// How well the shade behind each part, seen along the light, tells what was observed: 1 - (squared error) / (that of
-// the mean). Where several parts might have been it, the one whose cell is darker takes the more of the blame.
-double Explained(const Observations& seen, const Vec3& lamp) {
-  const Vec3 off = std::abs(lamp.z) < 0.7 ? Vec3{0, 0, 1} : Vec3{1, 0, 0};
-  const Vec3 u = Normalized(Cross(off, lamp)), v = Cross(lamp, u);
-  const size_t parts = seen.at.size(), each = seen.shade.size();
-  std::vector<std::vector<int16_t>> cell(parts, std::vector<int16_t>(each, -1));
-  for (size_t n = 0; n < parts; ++n) {
-    if (seen.size[n] == 0) continue;
-    const double per_cell = static_cast<double>(kCells) / (kSides * seen.size[n]);
-    for (size_t i = 0; i < each; ++i) {
+using Cells = std::vector<std::vector<int16_t>>;    // [N][P * looks], -1 where a place is not behind the part
+using Darkness = std::vector<std::vector<double>>;  // [N][cells], share of what is seen there that is in the shade
+
+// Where places lie behind each part, seen along the light.
+Cells CellsBehind(const Observations& seen, const Vec3& lamp) {
+  const auto [u, v] = Across(lamp);
+  const auto looks = static_cast<size_t>(seen.looks);
+  Cells cells(seen.at.size(), std::vector<int16_t>(seen.shade.size(), -1));
+  for (size_t n = 0; n < cells.size(); ++n) {
+    if (seen.reach[n] == 0) continue;
+    const double per_cell = static_cast<double>(kCells) / (kSides * seen.reach[n]);
+    for (size_t i = 0; i < seen.shade.size(); ++i) {
       if (seen.shade[i] == Shade::kUnknown) continue;
-      const Vec3 apart =
-          seen.place[i / static_cast<size_t>(seen.looks)] - seen.at[n][i % static_cast<size_t>(seen.looks)];
-      if (-Dot(apart, lamp) < kBehind * seen.size[n]) continue;
+      const Vec3 apart = seen.place[i / looks] - seen.at[n][i % looks];
+      if (-Dot(apart, lamp) < kBehind * seen.reach[n]) continue;
       const auto a = static_cast<int64_t>(std::floor(Dot(apart, u) * per_cell + kCells / 2.0));
       const auto b = static_cast<int64_t>(std::floor(Dot(apart, v) * per_cell + kCells / 2.0));
-      if (a >= 0 && a < kCells && b >= 0 && b < kCells) cell[n][i] = static_cast<int16_t>(a * kCells + b);
+      if (a >= 0 && a < kCells && b >= 0 && b < kCells) cells[n][i] = static_cast<int16_t>(a * kCells + b);
     }
   }
-  std::vector<std::vector<double>> darkness(parts, std::vector<double>(kCells * kCells, 0));
-  const auto darkness_at = [&](size_t n, size_t i) {
-    return cell[n][i] < 0 ? 0 : darkness[n][static_cast<size_t>(cell[n][i])];
-  };
-  for (int64_t round = 0; round < kRounds; ++round) {
-    std::vector<std::vector<double>> next(parts, std::vector<double>(kCells * kCells, 0));
-    for (size_t n = 0; n < parts; ++n) {
-      std::vector<double> light(kCells * kCells, 0), dark(kCells * kCells, 0);
-      for (size_t i = 0; i < each; ++i) {
-        if (cell[n][i] < 0) continue;
-        const auto at = static_cast<size_t>(cell[n][i]);
-        if (seen.shade[i] == Shade::kLight) {
-          light[at] += 1;
-          continue;
-        }
-        double own = darkness_at(n, i), others = 0;
-        for (size_t m = 0; m < parts; ++m)
-          if (m != n) others = std::max(others, darkness_at(m, i));
-        own *= own, others *= others;
-        dark[at] += round == 0 ? 1 : own / (own + others + 1e-9);
-      }
-      for (size_t at = 0; at < light.size(); ++at) {
-        const double seen_here = light[at] + dark[at];
-        if (seen_here >= kFewestSeen) next[n][at] = dark[at] / seen_here;
+  return cells;
+}
+
+double DarknessAt(const Darkness& darkness, const Cells& cells, size_t n, size_t i) {
+  return cells[n][i] < 0 ? 0 : darkness[n][static_cast<size_t>(cells[n][i])];
+}
+
+// The darkest that any part but `except` makes observation i.
+double Darkest(const Darkness& darkness, const Cells& cells, size_t i, size_t except) {
+  double darkest = 0;
+  for (size_t n = 0; n < cells.size(); ++n)
+    if (n != except) darkest = std::max(darkest, DarknessAt(darkness, cells, n, i));
+  return darkest;
+}
+
+// Where several parts might have been it, the one whose cell was darker in the last round takes the more of the blame;
+// in the first, with no `before`, all take all of it.
+Darkness Blame(const Observations& seen, const Cells& cells, const Darkness& before) {
+  Darkness next(cells.size(), std::vector<double>(kCells * kCells, 0));
+  for (size_t n = 0; n < cells.size(); ++n) {
+    std::vector<double> light(kCells * kCells, 0), dark(kCells * kCells, 0);
+    for (size_t i = 0; i < seen.shade.size(); ++i) {
+      if (cells[n][i] < 0) continue;
+      const auto at = static_cast<size_t>(cells[n][i]);
+      if (seen.shade[i] == Shade::kLight) {
+        light[at] += 1;
+      } else if (before.empty()) {
+        dark[at] += 1;
+      } else {
+        const double own = DarknessAt(before, cells, n, i), others = Darkest(before, cells, i, n);
+        dark[at] += own * own / (own * own + others * others + 1e-9);
       }
     }
-    darkness = std::move(next);
+    for (size_t at = 0; at < light.size(); ++at) {
+      const double observed = light[at] + dark[at];
+      if (observed >= kFewestSeen) next[n][at] = dark[at] / observed;
+    }
   }
+  return next;
+}
+
+// How well the shade behind each part, seen along the light, tells what was observed: 1 - (squared error) / (that of
+// the mean).
+double Explained(const Observations& seen, const Vec3& lamp) {
+  const Cells cells = CellsBehind(seen, lamp);
+  Darkness darkness;
+  for (int64_t round = 0; round < kRounds; ++round) darkness = Blame(seen, cells, darkness);
   double error = 0;
-  for (size_t i = 0; i < each; ++i) {
+  for (size_t i = 0; i < seen.shade.size(); ++i) {
     if (seen.shade[i] == Shade::kUnknown) continue;
-    double told = 0;
-    for (size_t n = 0; n < parts; ++n) told = std::max(told, darkness_at(n, i));
-    const double miss = (seen.shade[i] == Shade::kDark ? 1 : 0) - told;
+    const double miss = (seen.shade[i] == Shade::kDark ? 1 : 0) - Darkest(darkness, cells, i, cells.size());
     error += miss * miss;
   }
   const auto dark = static_cast<double>(seen.dark), light = static_cast<double>(seen.light);
@@ -190,8 +204,8 @@ std::optional<Lamp> FindLamp(const Clip& clip, const DepthTargets& still, const 
   for (double turn = kFirstTurn; turn > kLastTurn; turn /= 2) {
     for (bool better = true; better;) {
       better = false;
-      const Vec3 center = lamp.direction, off = std::abs(center.z) < 0.7 ? Vec3{0, 0, 1} : Vec3{1, 0, 0};
-      const Vec3 u = Normalized(Cross(off, center)), v = Cross(center, u);
+      const Vec3 center = lamp.direction;
+      const auto [u, v] = Across(center);
       for (const Vec3& aside : {u, v, u * -1.0, v * -1.0}) {
         const Vec3 direction = Normalized(center + aside * turn);
         const double found = Explained(seen, direction);

@@ -25,15 +25,15 @@ torch::Tensor DrawKeyPoints(const torch::Tensor& key_points, const torch::Tensor
 
 torch::Tensor DrawKeyPointsClearOf(const ClearPlaces& places, const torch::Tensor& key_points, bool along_the_way) {
   const torch::NoGradGuard no_grad;
-  if (!places.reach.gt(0).any().item<bool>()) return DrawKeyPoints(key_points, places.carrier, along_the_way);
-  torch::Tensor drawn = key_points.detach().index_select(0, places.frame), done;
+  if (!places.reach.defined()) return DrawKeyPoints(key_points, places.carrier, along_the_way);
+  torch::Tensor drawn = key_points.detach().index_select(0, places.frame);
+  torch::Tensor done = torch::zeros({drawn.size(0), drawn.size(1)}, places.carrier.options().dtype(torch::kBool));
   for (int64_t i = 0; i < kTries; ++i) {
     const torch::Tensor next = DrawKeyPoints(key_points, places.carrier, along_the_way);
     const torch::Tensor away = (next - places.place.unsqueeze(1)).norm(2, 2);
     const torch::Tensor clear = (away > places.reach) | (places.carrier >= 0).unsqueeze(1);
-    const torch::Tensor take = done.defined() ? clear & ~done : clear;
-    drawn = torch::where(take.unsqueeze(2), next, drawn);
-    done = done.defined() ? done | clear : clear;
+    drawn = torch::where((clear & ~done).unsqueeze(2), next, drawn);
+    done = done | clear;
   }
   return drawn;
 }
@@ -41,12 +41,12 @@ torch::Tensor DrawKeyPointsClearOf(const ClearPlaces& places, const torch::Tenso
 torch::Tensor PartReach(const torch::Tensor& places, const torch::Tensor& frame, const torch::Tensor& key_point,
                         const torch::Tensor& key_points) {
   const torch::NoGradGuard no_grad;
-  const int64_t number = key_points.size(1);
-  torch::Tensor reach = torch::zeros({number}, key_points.options().requires_grad(false));
-  for (int64_t i = 0; i < number; ++i) {
+  torch::Tensor reach;
+  for (int64_t i = 0; i < key_points.size(1); ++i) {
     const torch::Tensor rows = (key_point == i).nonzero().squeeze(1);
     if (rows.numel() == 0) continue;
     const torch::Tensor from = key_points.detach().select(1, i).index_select(0, frame.index_select(0, rows));
+    if (!reach.defined()) reach = torch::zeros({key_points.size(1)}, from.options());
     reach[i] = kMargin * torch::quantile((places.index_select(0, rows) - from).norm(2, 1), kMostOf);
   }
   return reach;
@@ -54,9 +54,10 @@ torch::Tensor PartReach(const torch::Tensor& places, const torch::Tensor& frame,
 
 FrameStates WithDrawn(FrameStates states, const torch::Tensor& drawn, const torch::Tensor& frame,
                       const torch::Tensor& carrier) {
-  const torch::Tensor known = states.key_points.detach();
-  const torch::Tensor stays = carrier.lt(0).view({-1, 1, 1});
-  states.casters = torch::cat({known, torch::where(stays, known.index_select(0, frame), drawn)});
+  if (carrier.defined()) {
+    const torch::Tensor known = states.key_points.detach(), stays = carrier.lt(0).view({-1, 1, 1});
+    states.casters = torch::cat({known, torch::where(stays, known.index_select(0, frame), drawn)});
+  }
   states.key_points = torch::cat({states.key_points, drawn});
   for (const auto code : {&FrameStates::warp_code, &FrameStates::appearance_code})
     if ((states.*code).defined()) states.*code = torch::cat({states.*code, (states.*code).index_select(0, frame)});

@@ -249,7 +249,7 @@ LoadedRun Load(const fs::path& folder, torch::Device device, bool to_train, Weig
     Throw<CheckpointError>("{}: no checkpoint here; expected the folder that enf-pretrain or enf-train wrote (--out)",
                            path.string());
   }
-  const SafetensorsFile file = ReadSafetensors(path);
+  SafetensorsFile file = ReadSafetensors(path);
   const auto text = [&](const char* key) -> const std::string& {
     const auto found = file.metadata.find(key);
     if (found == file.metadata.end()) {
@@ -289,6 +289,8 @@ LoadedRun Load(const fs::path& folder, torch::Device device, bool to_train, Weig
   } catch (const DataError& error) {
     Throw<CheckpointError>("{}", error.what());
   }
+  // Checkpoints from before shade was turned to the light have it along the scene's axes.
+  file.tensors.emplace("field.fine.shade_axes", torch::eye(3));
   Restore(*run.field, "field.", file.tensors, weights, path);
   Restore(*run.renderer, "renderer.", file.tensors, weights, path);
   const std::string prefix = "extra.";

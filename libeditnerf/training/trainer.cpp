@@ -70,11 +70,9 @@ void Trainer::SetKnownPlaces(const DepthTargets& places) {
   // Parts that turn are lit otherwise at every angle: a ray carried along asks for a colour that is not there.
   rays_.SetKnownPlaces(places, stage_.still_share, run_.field->has_local_frames() ? 0 : stage_.carried_share,
                        run_.field->has_shade());
-  const torch::Tensor known = AllStates().key_points;
-  part_reach_ = torch::zeros({known.size(1)}, known.options().requires_grad(false));
   if (places.size() == 0) return;
-  part_reach_ =
-      PartReach(rays_.Positions(places), places.frame.to(run_.device), places.key_point.to(run_.device), known);
+  part_reach_ = PartReach(rays_.Positions(places), places.frame.to(run_.device), places.key_point.to(run_.device),
+                          AllStates().key_points);
 }
 
 void Trainer::Resume(const SavedState& extra) {
@@ -124,7 +122,8 @@ torch::Tensor Trainer::DrawStates(RayTargets* batch) {
 
 FrameStates Trainer::StatesOf(const RayTargets& batch, const torch::Tensor& drawn) const {
   if (!drawn.defined()) return AllStates();
-  return WithDrawn(AllStates(), drawn, batch.frame.slice(0, batch.frame.size(0) - batch.drawn), batch.carrier);
+  return WithDrawn(AllStates(), drawn, batch.frame.slice(0, batch.frame.size(0) - batch.drawn),
+                   run_.field->has_shade() ? batch.carrier : torch::Tensor());
 }
 
 // Everything random that a step's gradients depend on, but for the places of samples along hierarchical rays, which

@@ -81,7 +81,7 @@ class Trainer {
   std::optional<KeyPointSupervision> supervision_;
   std::filesystem::path folder_;
   TrainingRays rays_;
-  torch::Tensor part_reach_;  // [N], scene units, drawn_states.h
+  torch::Tensor part_reach_;  // ClearPlaces::reach
   HeldOut held_out_;
   Adam adam_;
   WeightAverage average_;

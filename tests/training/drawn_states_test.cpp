@@ -73,6 +73,8 @@ TEST_CASE("a part reaches a little farther than its places") {
                                         torch::tensor({int64_t{0}, int64_t{0}, kStandsStill}), way);
   CHECK(reach[0].item<double>() == Approx(1.15));
   CHECK(reach[1].item<double>() == 0);
+  CHECK(!PartReach(places, torch::zeros({3}, torch::kInt64), torch::full({3}, kStandsStill, torch::kInt64), way)
+             .defined());
 }
 
 TEST_CASE("drawn states have the light of their frame where nothing carries the place, and their own elsewhere") {
@@ -85,4 +87,5 @@ TEST_CASE("drawn states have the light of their frame where nothing carries the 
   CHECK(torch::equal(all.casters.slice(0, 0, 4), states.key_points));
   CHECK(torch::equal(all.casters[4], states.key_points[3]));
   CHECK(torch::equal(all.casters[5], drawn[1]));
+  CHECK(!WithDrawn(states, drawn, frame, {}).casters.defined());  // a field without shade
 }

@@ -106,3 +106,22 @@ TEST_CASE("a checkpoint whose metadata is wrong is refused with its name and wha
   const auto without_table = [](SafetensorsFile* file) { file->tensors.erase("field.fine.local_table"); };
   CHECK_THAT(RefusedAfter(folder.path(), without_table), HasText(name));
 }
+
+TEST_CASE("a checkpoint from before shade was turned to the light is read with the scene's axes") {
+  const TrainingFolder folder("before_lamps");
+  const Scene scene = SmallScene("cups", 10, 48);
+  Config config = SmallFast();
+  config.field.fast.shade = true;
+  const torch::Tensor tracks = torch::rand({static_cast<int64_t>(scene.train.size()), 2, 3});
+  const auto axes_after = [&](bool removed) {
+    SaveRun(MakeRun(config, FieldStage::kTrain, scene, tracks, torch::kCPU, {}, Vec3{0, 0.6, 0.8}), folder.path());
+    const fs::path path = folder.path() / "checkpoint.safetensors";
+    SafetensorsFile file = ReadSafetensors(path);
+    REQUIRE(file.tensors.count("field.fine.shade_axes") == 1);
+    if (removed) file.tensors.erase("field.fine.shade_axes");
+    WriteSafetensors(path, file.tensors, file.metadata);
+    return LoadRun(folder.path()).field->named_buffers()["fine.shade_axes"].clone();
+  };
+  CHECK(torch::equal(axes_after(true), torch::eye(3)));
+  CHECK(torch::allclose(axes_after(false)[2], torch::tensor({0.0F, 0.15F, 0.2F})));
+}
