@@ -59,7 +59,8 @@ struct StageConfig {
   double learning_rate = 1e-3;           // exponential from here
   double final_learning_rate = 1e-4;     // to here, over `steps` (or `seconds`, whichever is nearer its end)
   bool average_weights = false;          // what is shown is their mean over about the last fifth of the steps
-  double key_point_learning_rate = 1.0;  // multiplies the learning rate of key points and local frames
+  double key_point_learning_rate = 1.0;  // multiplies the learning rate of key points
+  double turn_learning_rate = 1e-4;      // multiplies the learning rate of local frames
   double code_learning_rate = 1.0;       // multiplies the learning rate of the per-frame codes
   double shape_learning_rate = 1.0;      // multiplies the learning rate of warp field, slices and weights
   double roulette = 0;                   // see RayLoss
@@ -94,8 +95,9 @@ struct StageConfig {
     v("average_weights", average_weights,
       "show and save the mean of the weights over about the last fifth of the steps, which lets the learning rate stay "
       "high");
-    v("key_point_learning_rate", key_point_learning_rate,
-      "factor on the learning rate for key points and how their parts turn", AtLeast(0));
+    v("key_point_learning_rate", key_point_learning_rate, "factor on the learning rate for key points", AtLeast(0));
+    v("turn_learning_rate", turn_learning_rate, "factor on the learning rate for how parts turn with their key points",
+      AtLeast(0));
     v("code_learning_rate", code_learning_rate, "factor on the learning rate for per-frame codes", AtLeast(0));
     v("shape_learning_rate", shape_learning_rate,
       "factor on the learning rate for the warp field, the slicing and the weight network", AtLeast(0));

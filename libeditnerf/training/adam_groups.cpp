@@ -15,29 +15,28 @@ bool IsShape(const std::string& name) {
   return name.rfind("warp.", 0) == 0 || name.rfind("slicing.", 0) == 0 || name.rfind("weights.", 0) == 0;
 }
 
-// Where parts are and how they turn: found together, and known equally well.
-bool IsMotion(const std::string& name) { return Contains(name, "key_points.") || Contains(name, "local_frames."); }
-
 }  // namespace
 
 std::vector<AdamGroup> AdamGroupsFor(const HyperspaceField& field, const StageConfig& stage) {
-  AdamGroup networks, shape, tables, shade, codes, motion;
+  AdamGroup networks, shape, tables, shade, codes, key_points, turns;
   shape.learning_rate_factor = stage.shape_learning_rate;
   tables.skip_untouched = shade.skip_untouched = true;
   shade.decay = stage.shade_decay;
   codes.learning_rate_factor = stage.code_learning_rate;
-  motion.learning_rate_factor = stage.key_point_learning_rate;
+  key_points.learning_rate_factor = stage.key_point_learning_rate;
+  turns.learning_rate_factor = stage.turn_learning_rate;
   for (const auto& item : field.named_parameters()) {
     const std::string& name = item.key();
-    AdamGroup& group = Contains(name, "codes.")        ? codes
-                       : IsMotion(name)                ? motion
-                       : Contains(name, "shade_table") ? shade
-                       : Contains(name, "_table")      ? tables
-                       : IsShape(name)                 ? shape
-                                                       : networks;
+    AdamGroup& group = Contains(name, "codes.")          ? codes
+                       : Contains(name, "key_points.")   ? key_points
+                       : Contains(name, "local_frames.") ? turns
+                       : Contains(name, "shade_table")   ? shade
+                       : Contains(name, "_table")        ? tables
+                       : IsShape(name)                   ? shape
+                                                         : networks;
     group.parameters.emplace_back(name, item.value());
   }
-  return {networks, shape, tables, shade, codes, motion};
+  return {networks, shape, tables, shade, codes, key_points, turns};
 }
 
 AdamOptions AdamOptionsFor(const Config& config) {

@@ -9,8 +9,8 @@
 
 namespace editnerf {
 
-// Networks, the networks that shape space, hash tables, per-frame codes, and key points with the turns of their parts,
-// each at the stage's rate for it.
+// Networks, the networks that shape space, hash tables, per-frame codes, key points and the turns of their parts, each
+// at the stage's rate for it.
 std::vector<AdamGroup> AdamGroupsFor(const HyperspaceField& field, const StageConfig& stage);
 
 AdamOptions AdamOptionsFor(const Config& config);
