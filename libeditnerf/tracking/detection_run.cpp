@@ -37,8 +37,7 @@ void LogLamp(const std::optional<Lamp>& lamp) {
   const Vec3& to = lamp->direction;
   LogInfo(
       "light comes from ({:.2f}, {:.2f}, {:.2f}), scene axes: that explains {:.0f} % of what is in the shade when, "
-      "most "
-      "directions {:.0f} %",
+      "most directions {:.0f} %",
       to.x, to.y, to.z, 100 * lamp->explained, 100 * lamp->usual);
 }
 
