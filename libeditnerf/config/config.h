@@ -74,6 +74,7 @@ struct StageConfig {
   double lambda_depth = 0;       // of the share of the depth by which a known distance is missed
   double still_share = 0;        // of the rays: through what stands still, under key points drawn anew
   double carried_share = 0;      // of the rays: through what a key point carries, carried along to other states
+  double error_share = 0;        // of the rays: drawn by how far off the images still are, see ErrorMap
   int64_t trial_steps = 500;     // for every component of the field that is left to auto; 0: no trials
   Choice merge_key_points = Choice::kOff;  // those that move as one part, in training
   bool warm_start = false;                 // of training: begin with the static scene that pretraining found
@@ -126,6 +127,10 @@ struct StageConfig {
       "share of the rays that go through places of a part that moves, carried along with it to where it was at other "
       "times, and must show the same there, with the other parts' key points anywhere (training; not where parts turn)",
       Between(0.0, 0.35));
+    v("error_share", error_share,
+      "share of the rays that go through cells of 8 x 8 pixels drawn by how far off those still are; rays count by "
+      "their chances, so that the loss remains the mean over all pixels",
+      Between(0.0, 0.8));
     v("trial_steps", trial_steps,
       "steps of each short training that decides a component of the field left to auto; 0 for none", AtLeast(0));
     v("merge_key_points", merge_key_points,

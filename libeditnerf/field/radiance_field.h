@@ -76,10 +76,13 @@ class RadianceField : public torch::nn::Module {
   virtual std::optional<FusedField> Fused() const { return std::nullopt; }
 };
 
-// What the fused kernels read of the states.
+// What the fused kernels read of the states, with the field's local frames of their key points.
+inline FusedStates FusedStatesOf(const FrameStates& states, const torch::Tensor& local_frames) {
+  return {states.key_points, local_frames, states.warp_code, states.appearance_code, states.casters};
+}
+
 inline FusedStates FusedStatesOf(RadianceField& field, const FrameStates& states) {
-  return {states.key_points, field.LocalFramesOf(states.key_points), states.warp_code, states.appearance_code,
-          states.casters};
+  return FusedStatesOf(states, field.LocalFramesOf(states.key_points));
 }
 
 }  // namespace editnerf

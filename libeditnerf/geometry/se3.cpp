@@ -26,29 +26,41 @@ torch::Tensor Series(const torch::Tensor& x, int first) {
 
 torch::Tensor Cross(const torch::Tensor& a, const torch::Tensor& b) { return at::linalg_cross(a, b); }
 
-ScrewCoefficients CoefficientsFor(const torch::Tensor& w) {
-  return ScrewCoefficientsOf(w.square().sum(-1, /*keepdim=*/true));
-}
+// An angle with what the coefficients are made of: the series near 0, quotients elsewhere.
+class Angle {
+ public:
+  explicit Angle(const torch::Tensor& theta_squared)
+      : small_(theta_squared < kSeriesBelow),
+        near_(torch::where(small_, theta_squared, torch::zeros_like(theta_squared))),
+        far_(torch::where(small_, torch::ones_like(theta_squared), theta_squared)),
+        theta_(far_.sqrt()),
+        sine_(theta_.sin()) {}
+
+  torch::Tensor A() const { return torch::where(small_, Series(near_, 1), sine_ / theta_); }
+  torch::Tensor B() const {
+    const torch::Tensor half_sine = (0.5 * theta_).sin();  // 1 - cos(theta) = 2 sin^2(theta / 2) without cancellation
+    return torch::where(small_, Series(near_, 2), 2 * half_sine.square() / far_);
+  }
+  torch::Tensor C() const { return torch::where(small_, Series(near_, 3), (theta_ - sine_) / (far_ * theta_)); }
+
+ private:
+  torch::Tensor small_, near_, far_, theta_, sine_;
+};
+
+torch::Tensor SquareOf(const torch::Tensor& w) { return w.square().sum(-1, /*keepdim=*/true); }
 
 }  // namespace
 
 ScrewCoefficients ScrewCoefficientsOf(const torch::Tensor& theta_squared) {
-  const torch::Tensor small = theta_squared < kSeriesBelow;
-  const torch::Tensor near = torch::where(small, theta_squared, torch::zeros_like(theta_squared));
-  const torch::Tensor far = torch::where(small, torch::ones_like(theta_squared), theta_squared);
-  const torch::Tensor theta = far.sqrt();
-  const torch::Tensor sine = theta.sin();
-  const torch::Tensor half_sine = (0.5 * theta).sin();  // 1 - cos(theta) = 2 sin^2(theta / 2) without cancellation
-  return {torch::where(small, Series(near, 1), sine / theta),
-          torch::where(small, Series(near, 2), 2 * half_sine.square() / far),
-          torch::where(small, Series(near, 3), (theta - sine) / (far * theta))};
+  const Angle angle(theta_squared);
+  return {angle.A(), angle.B(), angle.C()};
 }
 
 torch::Tensor ExpSe3(const torch::Tensor& w, const torch::Tensor& v, const torch::Tensor& x) {
   CheckLastDim(w, 3, "w");
   CheckLastDim(v, 3, "v");
   CheckLastDim(x, 3, "x");
-  const ScrewCoefficients k = CoefficientsFor(w);
+  const ScrewCoefficients k = ScrewCoefficientsOf(SquareOf(w));
   const torch::Tensor w_x = Cross(w, x);
   return x + v + k.a * w_x + k.b * Cross(w, w_x + v) + k.c * Cross(w, Cross(w, v));
 }
@@ -56,9 +68,9 @@ torch::Tensor ExpSe3(const torch::Tensor& w, const torch::Tensor& v, const torch
 torch::Tensor ExpSo3(const torch::Tensor& w, const torch::Tensor& x) {
   CheckLastDim(w, 3, "w");
   CheckLastDim(x, 3, "x");
-  const ScrewCoefficients k = CoefficientsFor(w);
+  const Angle angle(SquareOf(w));
   const torch::Tensor w_x = Cross(w, x);
-  return x + k.a * w_x + k.b * Cross(w, w_x);
+  return x + angle.A() * w_x + angle.B() * Cross(w, w_x);
 }
 
 }  // namespace editnerf

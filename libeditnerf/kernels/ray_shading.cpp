@@ -240,7 +240,8 @@ void RayShading::Train(const FieldKernel& field, const BundledRays& rays, const 
     const int64_t ray = bundle.Ray(r);
     const Samples samples = {bundle.offsets()[static_cast<size_t>(r)], bundle.offsets()[static_cast<size_t>(r) + 1]};
     const auto begin = static_cast<size_t>(samples.begin), end = static_cast<size_t>(samples.end);
-    double rgb[3] = {}, g_rgb[3], end_light = 0;
+    double rgb[3] = {}, g_rgb[3], end_light = 0, missed = 0;
+    const double emphasis = loss.emphasis != nullptr ? loss.emphasis[ray] : 1.0;
     for (size_t s = begin; s < end; ++s) {
       for (int c = 0; c < 3; ++c) rgb[c] += static_cast<double>(weight_[s]) * rgb_[c][s];
     }
@@ -248,10 +249,12 @@ void RayShading::Train(const FieldKernel& field, const BundledRays& rays, const 
     for (int c = 0; c < 3; ++c) {
       const double behind = loss.background != nullptr ? loss.background[3 * ray + c] : 0;
       const double error = rgb[c] + passing * behind - loss.target[3 * ray + c];
-      sums->reconstruction += error * error / 3;
-      g_rgb[c] = 2 * error * per_ray / 3;
+      missed += error * error / 3;
+      g_rgb[c] = 2 * error * emphasis * per_ray / 3;
       end_light -= g_rgb[c] * behind * passing;
     }
+    sums->reconstruction += emphasis * missed;
+    if (loss.missed != nullptr) loss.missed[ray] = static_cast<float>(missed);
     if (loss.distortion > 0) {
       sums->distortion += loss.distortion * Distort(samples, loss.distortion * per_ray);
     } else {

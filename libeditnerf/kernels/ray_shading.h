@@ -12,11 +12,12 @@
 namespace editnerf {
 
 // The loss of R rays, each ray's part of it:
-//   |rgb - target|^2 / (3 R) + distortion D / R + ambient |a at the surface|^2 / R
+//   emphasis |rgb - target|^2 / (3 R) + distortion D / R + ambient |a at the surface|^2 / R
 //   + depth sum_i w_i max(0, |t_i - d| / d - tolerance) / R
 // with D as PackedDistortion has it, no third term for a ray without surface, and no last one where d is not known.
 struct RayLoss {
   const float* target = nullptr;      // [R, 3]
+  const float* emphasis = nullptr;    // [R]; nullptr: all 1
   const float* background = nullptr;  // [R, 3]; nullptr: black
   double distortion = 0;              // weight, per unit of t
   double ambient = 0;                 // weight
@@ -27,6 +28,7 @@ struct RayLoss {
   // colour before the sigmoid sum up to g / R, less than this by R, goes back through the networks with a chance of
   // g / roulette alone, and then with R / g roulette as much. What comes of it is right on the mean. 0: all go.
   double roulette = 0;
+  float* missed = nullptr;  // [R], to be filled with |rgb - target|^2 / 3; nullptr: unwanted
 };
 
 struct RayLossSums {

@@ -144,9 +144,17 @@ RayGradients FusedMarching::AddGradients(const FusedField& field, const RayBatch
     loss.tolerance = tolerance.data_ptr<float>();
     loss.depth = objective.depth;
   }
+  RayGradients result;
+  result.missed = torch::empty({count}, torch::kFloat32);
+  loss.missed = result.missed.data_ptr<float>();
+  torch::Tensor emphasis;
+  if (objective.emphasis.defined()) {
+    CheckShape(objective.emphasis, {count}, "emphasis");
+    emphasis = Floats(objective.emphasis);
+    loss.emphasis = emphasis.data_ptr<float>();
+  }
   FusedStates gradients;
   const RayLossSums sums = kernel_.AddGradients(kernel, memory.rays, loss, &gradients);
-  RayGradients result;
   const double rays_in_all = static_cast<double>(std::max<int64_t>(count, 1));
   result.reconstruction = sums.reconstruction / rays_in_all;
   result.distortion = sums.distortion / rays_in_all;

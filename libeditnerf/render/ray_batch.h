@@ -53,18 +53,20 @@ struct RayResult {
 };
 
 // What training wants of rays, beside RayOptions:
-//   mean |rgb - target|^2 + distortion * mean distortion loss + ambient * mean |a|^2 at surface points
+//   mean emphasis |rgb - target|^2 + distortion * mean distortion loss + ambient * mean |a|^2 at surface points
 //   + depth * mean depth miss (RayResult::depth_miss)
 // all over the rays; one without surface counts 0 in the third.
 struct RayObjective {
-  torch::Tensor target;   // [R, 3]
-  double distortion = 0;  // weight of the distortion loss with 0 at near and 1 at far
-  double ambient = 0;     // weight of the squared ambient coordinates
-  double depth = 0;       // weight of missing RayOptions::distance
-  double roulette = 0;    // size of gradients below which few samples go back for all, see RayLoss
+  torch::Tensor target;    // [R, 3]
+  torch::Tensor emphasis;  // [R]; undefined: all 1
+  double distortion = 0;   // weight of the distortion loss with 0 at near and 1 at far
+  double ambient = 0;      // weight of the squared ambient coordinates
+  double depth = 0;        // weight of missing RayOptions::distance
+  double roulette = 0;     // size of gradients below which few samples go back for all, see RayLoss
 };
 
 struct RayGradients {
+  torch::Tensor missed;                                               // [R], mean over the channels of (rgb - target)^2
   double reconstruction = 0, distortion = 0, ambient = 0, depth = 0;  // the terms, weighted
   FrameStates states;    // gradients of the states' tables; undefined where unused
   int64_t samples = 0;   // field evaluations with colour

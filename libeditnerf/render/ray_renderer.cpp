@@ -240,14 +240,13 @@ std::optional<RayGradients> RayRenderer::AddGradients(RadianceField& field, cons
   const auto fused = field.Fused();
   if (!grid_ || !FusedMarching::Takes(fused, rays, states)) return std::nullopt;
   // Local frames follow from the key points: what they get goes on to both the field and the key points.
-  FusedStates read = FusedStatesOf(field, states);
   torch::Tensor key_points, frames, to_frames;
-  if (read.local_frames.defined()) {
+  if (states.key_points.defined()) {
     const torch::AutoGradMode with_gradients(true);
     key_points = states.key_points.detach().requires_grad_(true);
     frames = field.LocalFramesOf(key_points);
-    read.local_frames = frames.detach();
   }
+  const FusedStates read = FusedStatesOf(states, frames.defined() ? frames.detach() : frames);
   RayGradients found =
       fused_->AddGradients(*fused, rays, read, options, objective, MarchingFor(rays, options), &to_frames);
   if (frames.defined()) {

@@ -38,14 +38,18 @@ torch::Tensor DepthError(const CameraTensors& cameras, const torch::Tensor& dept
 
 }  // namespace
 
-torch::Tensor ReconstructionLoss(const torch::Tensor& rgb, const torch::Tensor& rgb_coarse,
-                                 const torch::Tensor& target) {
+torch::Tensor ReconstructionLoss(const torch::Tensor& rgb, const torch::Tensor& rgb_coarse, const torch::Tensor& target,
+                                 const torch::Tensor& emphasis) {
   CheckShape(rgb, {kAny, 3}, "rgb");
   CheckShape(target, {rgb.size(0), 3}, "target");
-  auto fine = (rgb - target).square().mean();
-  if (!rgb_coarse.defined()) return fine;
+  if (emphasis.defined()) CheckShape(emphasis, {rgb.size(0)}, "emphasis");
+  const auto mean = [&](const torch::Tensor& shown) {
+    const torch::Tensor squares = (shown - target).square();
+    return emphasis.defined() ? (squares * emphasis.unsqueeze(1)).mean() : squares.mean();
+  };
+  if (!rgb_coarse.defined()) return mean(rgb);
   CheckShape(rgb_coarse, {rgb.size(0), 3}, "rgb_coarse");
-  return fine + (rgb_coarse - target).square().mean();
+  return mean(rgb) + mean(rgb_coarse);
 }
 
 torch::Tensor MotionLoss(const CameraTensors& cameras, const torch::Tensor& flow, const FramePairs& pairs,

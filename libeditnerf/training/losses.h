@@ -9,9 +9,10 @@
 
 namespace editnerf {
 
-// Mean squared error of rgb [R, 3] against target [R, 3], plus that of rgb_coarse where it is defined.
-torch::Tensor ReconstructionLoss(const torch::Tensor& rgb, const torch::Tensor& rgb_coarse,
-                                 const torch::Tensor& target);
+// Mean squared error of rgb [R, 3] against target [R, 3], plus that of rgb_coarse where it is defined. Rays count for
+// `emphasis` [R]; undefined: all for 1.
+torch::Tensor ReconstructionLoss(const torch::Tensor& rgb, const torch::Tensor& rgb_coarse, const torch::Tensor& target,
+                                 const torch::Tensor& emphasis = {});
 
 // P pairs of consecutive training frames t and t + 1 with their key points.
 struct FramePairs {

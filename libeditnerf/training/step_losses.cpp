@@ -6,13 +6,14 @@
 
 namespace editnerf {
 
-NamedTensors RayLosses(const Run& run, const RayBatch& rays, const torch::Tensor& target, const FrameStates& states,
-                       const RayOptions& options, int64_t* samples) {
+StepLosses RayLosses(const Run& run, const RayBatch& rays, const RayColors& colors, const FrameStates& states,
+                     const RayOptions& options) {
   const StageConfig& stage = StageOf(run);
   const RayResult result = run.renderer->Render(*run.field, rays, states, options);
-  *samples = result.samples;
-  NamedTensors losses;
-  losses.emplace_back("reconstruction", ReconstructionLoss(result.rgb, result.rgb_coarse, target));
+  StepLosses found{{}, (result.rgb.detach() - colors.target).square().mean(1), result.samples};
+  NamedTensors& losses = found.terms;
+  losses.emplace_back("reconstruction",
+                      ReconstructionLoss(result.rgb, result.rgb_coarse, colors.target, colors.emphasis));
   if (run.config.field.HasWarp() && stage.lambda_warp > 0) {
     losses.emplace_back(
         "warp", stage.lambda_warp * WarpRegularisation(result.x_observed, result.x_canonical, result.depth_valid));
@@ -24,7 +25,7 @@ NamedTensors RayLosses(const Run& run, const RayBatch& rays, const torch::Tensor
     losses.emplace_back("distortion", stage.lambda_distortion * result.distortion.mean());
   }
   if (result.depth_miss.defined()) losses.emplace_back("depth", stage.lambda_depth * result.depth_miss);
-  return losses;
+  return found;
 }
 
 NamedTensors KeyPointLosses(const StageConfig& stage, const CameraTensors& cameras,

@@ -27,9 +27,10 @@ constexpr int64_t kHeldOutRays = 8192;
 constexpr int64_t kFewestRays = 256;
 constexpr int64_t kMostDumps = 3;     // skipped steps that a session writes down
 constexpr int64_t kAverageEvery = 8;  // steps, whose weights differ too little to be worth adding them all
+constexpr int64_t kSettleEvery = 16;  // steps, in which what rays are drawn by changes little
 
 // Of what a checkpoint keeps beside the run.
-const std::string kAdam = "adam.", kAverage = "average.";
+const std::string kAdam = "adam.", kAverage = "average.", kErrorMap = "error_map";
 
 void AddGradients(const std::vector<torch::Tensor>& gradients, const std::vector<torch::Tensor>& parameters) {
   const torch::NoGradGuard no_grad;
@@ -62,6 +63,7 @@ Trainer::Trainer(Run run, const Scene& scene, std::optional<KeyPointSupervision>
     supervision_->flow = supervision_->flow.to(run_.device);
     supervision_->depth = supervision_->depth.to(run_.device);
   }
+  if (stage_.error_share > 0) rays_.DrawByError(stage_.error_share);
   run_.field->train();
 }
 
@@ -83,6 +85,9 @@ void Trainer::Resume(const SavedState& extra) {
   if (generator == extra.end()) Throw<CheckpointError>("checkpoint: the random generator's state is missing");
   if (const auto samples = extra.find("samples_per_ray"); samples != extra.end()) {
     samples_per_ray_ = samples->second.item<double>();
+  }
+  if (const auto errors = extra.find(kErrorMap); errors != extra.end() && rays_.errors() != nullptr) {
+    rays_.errors()->SetState(errors->second);
   }
   at::Generator sequence = at::detail::getDefaultCPUGenerator();
   sequence.set_state(generator->second);
@@ -159,7 +164,7 @@ StepInput Trainer::Draw() {
 
 // Gradients of one step. Marching on the CPU takes a share of the rays in every thread, each with its own graph: that
 // beats threads inside every small operation by a factor of two.
-NamedTensors Trainer::Backward(const StepInput& input) {
+StepLosses Trainer::Backward(const StepInput& input) {
   const RayTargets& batch = input.batch;
   const RayOptions& options = input.options;
   const torch::Tensor &state = input.state, &drawn = input.drawn;
@@ -169,8 +174,7 @@ NamedTensors Trainer::Backward(const StepInput& input) {
   if (auto fused =
           FusedBackward(batch, {batch.rays.origin, batch.rays.direction, state}, StatesOf(batch, drawn), options))
     return *std::move(fused);
-  std::vector<NamedTensors> losses(static_cast<size_t>(parts));
-  std::vector<int64_t> samples(static_cast<size_t>(parts));
+  std::vector<StepLosses> losses(static_cast<size_t>(parts));
   // One part's after the other's, as threads that add them whenever they are done would add them in another order and
   // with other bits in every run.
   std::vector<std::vector<torch::Tensor>> gradients(static_cast<size_t>(parts));
@@ -185,9 +189,10 @@ NamedTensors Trainer::Backward(const StepInput& input) {
     own.distance = rows(options.distance);
     own.tolerance = rows(options.tolerance);
     const FrameStates states = StatesOf(batch, drawn);
-    NamedTensors& terms = losses[static_cast<size_t>(part)];
-    terms = RayLosses(run_, {rows(batch.rays.origin), rows(batch.rays.direction), rows(state)}, rows(batch.target),
-                      states, own, &samples[static_cast<size_t>(part)]);
+    losses[static_cast<size_t>(part)] =
+        RayLosses(run_, {rows(batch.rays.origin), rows(batch.rays.direction), rows(state)},
+                  {rows(batch.target), rows(batch.emphasis)}, states, own);
+    NamedTensors& terms = losses[static_cast<size_t>(part)].terms;
     const double share = static_cast<double>(end - begin) / static_cast<double>(count);
     for (auto& term : terms) term.second = term.second * share;
     if (part == 0) AddKeyPointLosses(states.key_points, &terms);
@@ -200,26 +205,32 @@ NamedTensors Trainer::Backward(const StepInput& input) {
     }
   });
   for (const auto& of_part : gradients) AddGradients(of_part, parameters);
-  NamedTensors sums = losses[0];
-  for (auto& [name, sum] : sums) sum = sum.detach();
+  StepLosses sums = losses[0];
+  for (auto& [name, sum] : sums.terms) sum = sum.detach();
+  std::vector<torch::Tensor> missed = {sums.missed};
   for (size_t part = 1; part < losses.size(); ++part) {
-    for (size_t i = 0; i < losses[part].size(); ++i) sums[i].second = sums[i].second + losses[part][i].second.detach();
+    for (size_t i = 0; i < losses[part].terms.size(); ++i)
+      sums.terms[i].second = sums.terms[i].second + losses[part].terms[i].second.detach();
+    missed.push_back(losses[part].missed);
+    sums.samples += losses[part].samples;
   }
-  Count(count, std::accumulate(samples.begin(), samples.end(), int64_t{0}));
+  sums.missed = torch::cat(missed);
   return sums;
 }
 
-std::optional<NamedTensors> Trainer::FusedBackward(const RayTargets& batch, const RayBatch& rays,
-                                                   const FrameStates& states, const RayOptions& options) {
+std::optional<StepLosses> Trainer::FusedBackward(const RayTargets& batch, const RayBatch& rays,
+                                                 const FrameStates& states, const RayOptions& options) {
   RayObjective objective;
   objective.target = batch.target;
+  objective.emphasis = batch.emphasis;
   objective.distortion = stage_.lambda_distortion;
   if (run_.stage == FieldStage::kPretrain) objective.ambient = stage_.lambda_ambient;
   if (batch.distance.defined()) objective.depth = stage_.lambda_depth;
   objective.roulette = stage_.roulette;
   const auto found = run_.renderer->AddGradients(*run_.field, rays, states, options, objective);
   if (!found) return std::nullopt;
-  NamedTensors losses;
+  StepLosses step{{}, found->missed, found->samples};
+  NamedTensors& losses = step.terms;
   const auto add = [&](const char* name, double value) {
     losses.emplace_back(name, torch::tensor(value, torch::kFloat64));
   };
@@ -242,8 +253,7 @@ std::optional<NamedTensors> Trainer::FusedBackward(const RayTargets& batch, cons
     gradients.push_back(found->states.*table);
   }
   if (!roots.empty()) torch::autograd::backward(roots, gradients);
-  Count(batch.frame.size(0), found->samples);
-  return losses;
+  return step;
 }
 
 void Trainer::Count(int64_t rays, int64_t samples) {
@@ -262,11 +272,14 @@ std::map<std::string, double> Trainer::Step() {
     run_.renderer->UpdateOccupancy(*run_.field, AllStates());
   }
   const bool first_failure = guard_.failures_in_a_row() == 0;
+  if (ErrorMap* const errors = rays_.errors(); errors != nullptr && counters.step % kSettleEvery == 0) errors->Settle();
   StepInput input = Draw();
   if (!input.options.jitter.defined()) input.generator = at::detail::getDefaultCPUGenerator().get_state();
   adam_.ZeroGrad();
-  const NamedTensors losses = Backward(input);
-  const StepVerdict verdict = Check(losses);
+  const StepLosses losses = Backward(input);
+  Count(input.batch.frame.size(0), losses.samples);
+  rays_.Learn(input.batch, losses.missed);
+  const StepVerdict verdict = Check(losses.terms);
   if (verdict.take) {
     recovery_.StepIsGood(run_, adam_);
     TakeStep();
@@ -305,7 +318,7 @@ StepVerdict Trainer::Replay(const StepInput& input) {
   }
   run_.field->SetStep(run_.counters.step);
   adam_.ZeroGrad();
-  return Check(Backward(input));
+  return Check(Backward(input).terms);
 }
 
 void Trainer::Dump(const StepInput& input) {
@@ -340,6 +353,7 @@ void Trainer::Save() {
   PutUnder(kAdam, adam_.State(), &extra);
   PutUnder(kAverage, average_.State(), &extra);
   extra["samples_per_ray"] = torch::tensor(samples_per_ray_, torch::kFloat64);
+  if (ErrorMap* const errors = rays_.errors()) extra[kErrorMap] = errors->State();
   extra["generator"] = at::detail::getDefaultCPUGenerator().get_state();
   SaveRun(run_, folder_, extra);
 }

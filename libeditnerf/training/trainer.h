@@ -13,6 +13,7 @@
 #include "libeditnerf/training/run.h"
 #include "libeditnerf/training/step_guard.h"
 #include "libeditnerf/training/step_input.h"
+#include "libeditnerf/training/step_losses.h"
 #include "libeditnerf/training/training_rays.h"
 #include "libeditnerf/training/weight_average.h"
 
@@ -59,10 +60,10 @@ class Trainer {
   // The frames' states, and behind them those of the batch's last rays under `drawn` key points.
   FrameStates StatesOf(const RayTargets& batch, const torch::Tensor& drawn) const;
   StepInput Draw();
-  NamedTensors Backward(const StepInput& input);
+  StepLosses Backward(const StepInput& input);
   // The same in one fused pass, where renderer and field have one.
-  std::optional<NamedTensors> FusedBackward(const RayTargets& batch, const RayBatch& rays, const FrameStates& states,
-                                            const RayOptions& options);
+  std::optional<StepLosses> FusedBackward(const RayTargets& batch, const RayBatch& rays, const FrameStates& states,
+                                          const RayOptions& options);
   void TakeStep();
   // The last good state in the place of what is not finite; its mean begins anew.
   template <class Restore>

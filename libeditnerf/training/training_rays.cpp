@@ -46,6 +46,16 @@ void TrainingRays::SetKnownPlaces(const DepthTargets& places, double still_share
   carried_ = Where(places, places.key_point >= 0, carried_share);
 }
 
+void TrainingRays::DrawByError(double share) {
+  errors_.emplace(images_.size(0), images_.size(1), images_.size(2), share);
+}
+
+void TrainingRays::Learn(const RayTargets& batch, const torch::Tensor& missed) {
+  if (!errors_) return;
+  const int64_t in_their_state = batch.pixel.size(0) - batch.drawn;
+  errors_->Learn(batch.pixel.slice(0, 0, in_their_state).cpu(), missed.slice(0, 0, in_their_state).cpu());
+}
+
 TrainingRays::KnownPlaces TrainingRays::Where(const DepthTargets& places, const torch::Tensor& chosen,
                                               double share) const {
   const torch::Tensor row = chosen.nonzero().squeeze(1);
@@ -70,7 +80,8 @@ RayTargets TrainingRays::Sample(int64_t count) const {
   // Drawn on the CPU on every device, so that one seed gives one sequence of rays.
   torch::Tensor pixel = torch::randint(images_.size(0) * height * width, {count}, torch::kInt64).to(device);
   RayTargets batch;
-  if (const int64_t guided = count / kGuidedShare; targets_.size() > 0 && guided > 0) {
+  const int64_t guided = targets_.size() > 0 ? count / kGuidedShare : 0;
+  if (guided > 0) {
     const torch::Tensor target = torch::randint(targets_.size(), {guided}, torch::kInt64).to(device);
     pixel.slice(0, 0, guided) = target_pixel_.index_select(0, target);
     batch.distance = torch::full({count}, NAN, images_.options().dtype(torch::kFloat32));
@@ -90,6 +101,15 @@ RayTargets TrainingRays::Sample(int64_t count) const {
     batch.carrier = batch.drawn == 0 ? carrier : torch::cat({carrier, batch.carrier});
     batch.drawn += share;
   }
+  if (const int64_t others = count - guided - batch.drawn; errors_) {
+    const torch::Tensor of_others = pixel.slice(0, guided, guided + others);
+    const auto by_error = static_cast<int64_t>(errors_->share() * static_cast<double>(others));
+    of_others.slice(0, 0, by_error).copy_(errors_->Draw(by_error));
+    batch.emphasis = torch::ones({count}, torch::kFloat32);
+    batch.emphasis.slice(0, guided, guided + others) = errors_->Emphasis(of_others.cpu());
+    batch.emphasis = batch.emphasis.to(device);
+  }
+  batch.pixel = pixel;
   RayTargets seen = Through(pixel);
   batch.frame = seen.frame;
   batch.rays = seen.rays;

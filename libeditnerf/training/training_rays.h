@@ -4,19 +4,23 @@
 #include <torch/types.h>
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "libeditnerf/geometry/camera_tensors.h"
 #include "libeditnerf/geometry/rays.h"
 #include "libeditnerf/scene/scene.h"
 #include "libeditnerf/training/depth_targets.h"
+#include "libeditnerf/training/error_map.h"
 
 namespace editnerf {
 
 struct RayTargets {
   Rays rays;                          // [R]
   torch::Tensor frame;                // [R] int64, rows of the list that the sampler was made of
+  torch::Tensor pixel;                // [R] int64, counted through all images row by row
   torch::Tensor target;               // [R, 3], colours in [0, 1]
+  torch::Tensor emphasis;             // [R], what each ray's colours count for; undefined: all for 1
   torch::Tensor distance, tolerance;  // [R], of DepthTargets, NaN where unknown; undefined without any
   // The last `drawn` rays go through known places. From `start` on they show the same whatever state the scene is in,
   // but for its light, if they go along with the key point that carries the place.
@@ -38,10 +42,18 @@ class TrainingRays {
   // through those that a key point carries. Under passing shadows (kOtherLight) too, with `any_light`.
   void SetKnownPlaces(const DepthTargets& places, double still_share, double carried_share, bool any_light = false);
 
+  // From now on this share of the other rays, below 1, goes through cells drawn by how far off they are.
+  void DrawByError(double share);
+  ErrorMap* errors() { return errors_ ? &*errors_ : nullptr; }
+
+  // What the rays of a batch have missed their colours by, squared, [R]. Those through known places say nothing, as
+  // they show states that no image has. Nothing without DrawByError.
+  void Learn(const RayTargets& batch, const torch::Tensor& missed);
+
   // Where known places are, [M, 3], scene units.
   torch::Tensor Positions(const DepthTargets& places) const;
 
-  // `count` pixels drawn uniformly, with repetition, from LibTorch's default CPU generator.
+  // `count` pixels, with repetition, from LibTorch's default CPU generator.
   RayTargets Sample(int64_t count) const;
 
   // Frame, rays and colours of pixels [R] int64, counted through all images row by row.
@@ -66,6 +78,7 @@ class TrainingRays {
   DepthTargets targets_;
   torch::Tensor target_pixel_;  // [M] int64 into all pixels
   KnownPlaces still_, carried_;
+  std::optional<ErrorMap> errors_;
 };
 
 }  // namespace editnerf

@@ -166,13 +166,14 @@ inline FrameStates AllStates(HyperspaceField& field) {
 inline Found ModuleByModule(HyperspaceField& field, RayRenderer& renderer, RayBatch rays, RayOptions options,
                             RayObjective objective, torch::Dtype type) {
   field.to(type);
-  for (torch::Tensor* const tensor : {&rays.origin, &rays.direction, &options.background, &options.jitter,
-                                      &options.distance, &options.tolerance, &options.start, &objective.target}) {
+  for (torch::Tensor* const tensor :
+       {&rays.origin, &rays.direction, &options.background, &options.jitter, &options.distance, &options.tolerance,
+        &options.start, &objective.target, &objective.emphasis}) {
     if (!tensor->defined()) continue;
     *tensor = tensor->to(type);
   }
   const RayResult result = renderer.Render(field, rays, AllStates(field), options);
-  auto total = ReconstructionLoss(result.rgb, {}, objective.target);
+  auto total = ReconstructionLoss(result.rgb, {}, objective.target, objective.emphasis);
   Found found = {total.item<double>(), 0, 0, 0, result.samples, {}};
   const auto depth = objective.depth * result.depth_miss;
   found.depth = depth.item<double>();

@@ -117,6 +117,33 @@ TEST_CASE("fused gradients are those of the modules where parts shade others") {
   }
 }
 
+TEST_CASE("rays count for their emphasis, and what each has missed is without it") {
+  ForEachTarget([] {
+    torch::manual_seed(19);
+    for (const int64_t rays : {1, 63, 130}) {
+      Setting setting;
+      setting.rays = rays;
+      const auto field = MakeField(setting);
+      const RayBatch batch = RandomRays(rays);
+      RayObjective objective = ObjectiveFor(setting);
+      const RayOptions options = RandomOptions(rays);
+      RayRenderer renderer = MakeRenderer(*field, setting);
+      const auto missed = [&] {
+        const RayGradients found = *renderer.AddGradients(*field, batch, AllStates(*field), options, objective);
+        GradientsOf(*field);
+        return found.missed;
+      };
+      const torch::Tensor plain = missed();
+      objective.emphasis = 3 * torch::rand({rays});
+      objective.emphasis[0] = 0;
+      CheckAgainstModules(setting, *field, batch, objective, options);
+      CHECK(torch::equal(missed(), plain));
+      const RayResult seen = renderer.Render(*field, batch, AllStates(*field), options);
+      CHECK(torch::allclose(plain, (seen.rgb - objective.target).square().mean(1), 1e-4, 1e-6));
+    }
+  });
+}
+
 TEST_CASE("fused gradients are those of the modules while fine levels of the local hash come in") {
   torch::manual_seed(12);
   for (const int64_t step : {0, 30, 70, 100}) {

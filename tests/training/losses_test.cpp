@@ -54,6 +54,9 @@ TEST_CASE("the reconstruction loss adds the fine and the coarse mean squared err
   CHECK(ReconstructionLoss(rgb, {}, target).item<float>() == 0.25f);
   CHECK(ReconstructionLoss(rgb, coarse, target).item<float>() == 0.3125f);
   CHECK_THROWS_AS(ReconstructionLoss(rgb, {}, torch::zeros({3, 3})), ShapeError);
+  const auto emphasis = torch::tensor({2.0F, 0.5F});
+  CHECK(ReconstructionLoss(rgb, {}, target, emphasis).item<float>() == 0.3125f);
+  CHECK_THROWS_AS(ReconstructionLoss(rgb, {}, target, torch::ones({3})), ShapeError);
 }
 
 TEST_CASE("the motion loss is the mean squared distance from where the flow leads") {

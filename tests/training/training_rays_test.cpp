@@ -101,3 +101,35 @@ TEST_CASE("rays of pixels are those that tensors of cameras give, with the image
   CHECK(torch::equal(seen.target, images.view({-1, 3}).flip(0).to(torch::kFloat32) / 255));
   CHECK(rays.Through(torch::empty({0}, torch::kInt64)).target.size(0) == 0);
 }
+
+TEST_CASE("rays drawn by error go where images are off, and count so that their mean is that over all pixels") {
+  torch::manual_seed(3);
+  const Scene scene = SmallScene();
+  TrainingRays rays(scene, scene.train, torch::kCPU);
+  CHECK(!rays.Sample(40).emphasis.defined());
+  rays.DrawByError(0.5);
+  const DepthTargets places = {torch::tensor({1}, torch::kInt64), torch::tensor({5, 2}, torch::kInt64).view({1, 2}),
+                               torch::tensor({0.5F}), torch::tensor({0.01F}), torch::tensor({kStandsStill})};
+  rays.SetKnownPlaces(places, 0.25, 0);
+  // Off in the right half of the third image alone; what rays through known places say is not heard.
+  const int64_t pixels = 4 * 9 * 16;
+  RayTargets all;
+  all.pixel = torch::cat({torch::arange(pixels, torch::kInt64), torch::tensor({0}, torch::kInt64)});
+  all.drawn = 1;
+  const torch::Tensor index = torch::arange(pixels, torch::kInt64);
+  const torch::Tensor off = (index / 144 == 2).logical_and(index % 16 >= 8);
+  for (int i = 0; i < 5; ++i)
+    rays.Learn(all, torch::cat({torch::where(off, torch::full({pixels}, 0.09F), torch::zeros({pixels})),
+                                torch::full({1}, 1e6F)}));
+  rays.errors()->Settle();
+  const RayTargets batch = rays.Sample(40000);
+  REQUIRE(batch.drawn == 10000);
+  CHECK((batch.emphasis.slice(0, 30000) == 1).all().item<bool>());
+  const torch::Tensor drawn = batch.pixel.slice(0, 0, 30000), weight = batch.emphasis.slice(0, 0, 30000);
+  const torch::Tensor there = off.index_select(0, drawn).to(torch::kFloat32);
+  const double share = off.to(torch::kFloat32).mean().item<double>();
+  CHECK(there.mean().item<double>() > 0.4);
+  CHECK((weight * there).mean().item<double>() == Approx(share).epsilon(0.03));
+  CHECK(weight.mean().item<double>() == Approx(1).epsilon(0.03));
+  CHECK(weight.max().item<double>() <= 2.0001);
+}
