@@ -12,7 +12,7 @@ namespace editnerf {
 namespace {
 
 // Of an update after the warm-up: an empty cell in so many, and of the occupied ones as many as are all by this.
-constexpr int64_t kEmptyCells = 16, kOccupiedCells = 8;
+constexpr int64_t kEmptyCells = 16, kOccupiedCells = 4;
 
 // A random index of each run of `run` indices below `size`.
 torch::Tensor OneOfEach(int64_t run, int64_t size, const torch::TensorOptions& options) {

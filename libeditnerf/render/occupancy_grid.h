@@ -44,7 +44,7 @@ class OccupancyGrid : public torch::nn::Module {
   torch::Tensor Occupied(const torch::Tensor& x) const;
   torch::Tensor Inside(const torch::Tensor& x) const;
 
-  // Visits all cells during warm-up, later a sixteenth of the empty ones, and occupied ones up to an eighth of all. No
+  // Visits all cells during warm-up, later a sixteenth of the empty ones, and occupied ones up to a quarter of all. No
   // gradients.
   void Update(const DensityFunction& density);
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"
 
 namespace editnerf {
@@ -106,6 +107,9 @@ torch::Tensor ErrorMap::State() const {
 void ErrorMap::SetState(const torch::Tensor& state) {
   CheckShape(state, {2, frames_, down_, across_}, "error map");
   const torch::Tensor values = state.to(torch::kCPU, torch::kFloat32).contiguous();
+  if (!values.isfinite().logical_and(values >= 0).all().item<bool>()) {
+    Throw<CheckpointError>("error map: expected mean squared errors, found values that are negative or not finite");
+  }
   const auto take = [&](int64_t which, std::vector<float>* to) {
     std::copy_n(values[which].data_ptr<float>(), to->size(), to->begin());
   };

@@ -36,7 +36,7 @@ class ErrorMap {
   double share() const { return share_; }
 
   // What is drawn by and what has been learnt since, [2, F, cells down, cells across] float32. SetState throws
-  // ShapeError for another shape.
+  // ShapeError for another shape, and CheckpointError for what is no squared error.
   torch::Tensor State() const;
   void SetState(const torch::Tensor& state);
 

@@ -95,5 +95,11 @@ TEST_CASE("an error map goes on from its state, and refuses that of other images
     copy.Settle();
   }
   CHECK_THROWS_AS(map.SetState(torch::zeros({2, kFrames, 2, 3})), ShapeError);
+  for (const float wrong : {-1.0F, NAN, INFINITY}) {
+    torch::Tensor state = map.State();
+    state[1][0][1][1] = wrong;
+    CHECK_THROWS_AS(copy.SetState(state), CheckpointError);
+  }
+  CHECK(torch::equal(copy.State(), map.State()));
   CHECK_THROWS_AS(map.Learn(torch::zeros({3}, torch::kInt64), torch::zeros({2})), ShapeError);
 }
