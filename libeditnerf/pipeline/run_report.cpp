@@ -176,13 +176,12 @@ void AddDetectionNotes(const fs::path& work, ReportContents* report) {
     if (text.find(" dropped: ") != std::string::npos) {
       ++dropped;
     } else {
-      report->notes.push_back({false, "key points: " + text});
+      report->notes.push_back({false, "detection: " + text});
     }
   }
   if (dropped == 0) return;
   report->notes.push_back(
-      {false,
-       fmt::format("key points: {} other candidates were dropped; scene/data/detection.json says why", dropped)});
+      {false, fmt::format("detection: {} other candidates were dropped; scene/data/detection.json says why", dropped)});
 }
 
 std::string Machine() {

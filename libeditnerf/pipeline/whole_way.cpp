@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 // Shares of a time budget: pretraining finds where things are, training makes the picture. Of a short budget
 // pretraining takes a quarter; of a long one less, as more helps detection little (docs/benchmarks, "Ten minutes").
 constexpr double kPretrainShare = 0.25;
-constexpr double kEnoughSeconds = 40, kEnoughShare = 0.02;
+constexpr double kEnoughSeconds = 40, kEnoughShare = 0.07;
 constexpr double kReportShare = 0.12;
 constexpr double kFewestSeconds = 10;
 constexpr double kLearnShare = 0.6;  // of the budget that is left for the rest, however long the poses take

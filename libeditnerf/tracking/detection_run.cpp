@@ -1,5 +1,9 @@
 #include "libeditnerf/tracking/detection_run.h"
 
+#include <fmt/format.h>
+
+#include <string>
+
 #include "libeditnerf/base/logging.h"
 #include "libeditnerf/base/shape.h"
 #include "libeditnerf/evaluation/depth_error.h"
@@ -32,10 +36,10 @@ FlowSequence FlowsOf(const Scene& scene, const PretrainedMaps& pretrained, const
   return CarryMotionOn(images, flow, flows);
 }
 
-void LogLamp(const std::optional<Lamp>& lamp) {
-  if (!lamp) return LogInfo("light: no direction stands out in what parts shade");
+std::string LampNote(const std::optional<Lamp>& lamp) {
+  if (!lamp) return "light: no direction stands out in what parts shade";
   const Vec3& to = lamp->direction;
-  LogInfo(
+  return fmt::format(
       "light comes from ({:.2f}, {:.2f}, {:.2f}), scene axes: that explains {:.0f} % of what is in the shade when, "
       "most directions {:.0f} %",
       to.x, to.y, to.z, 100 * lamp->explained, 100 * lamp->usual);
@@ -70,7 +74,7 @@ DetectionRun RunDetection(const Scene& scene, const PretrainedMaps& pretrained, 
   if (run.detection.count() > 1) {
     run.lamp = FindLamp(MakeClip(scene, run.depth, run.flows), run.still_depth, run.detection.part_depth,
                         run.detection.tracks);
-    LogLamp(run.lamp);
+    run.detection.notes.push_back(LampNote(run.lamp));
   }
   run.detection.notes.insert(run.detection.notes.begin(), "optical flow: " + flow.Name());
   for (const std::string& note : run.detection.notes) LogInfo("detection: {}", note);

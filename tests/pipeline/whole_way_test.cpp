@@ -127,7 +127,9 @@ TEST_CASE("eight key points asked of one moving part are all tracked, trained an
   request.config.train.merge_key_points = Choice::kOff;  // they are on one part, and may well be shown to be the same
   request.config.pretrain.steps = kUntilSurfaces;
   RunWholeWay(request);
-  CHECK_THAT(CheckEndedWell(request, 8), HasText("kept because the number of key points is given"));
+  const std::string report = CheckEndedWell(request, 8);
+  CHECK_THAT(report, HasText("kept because the number of key points is given"));
+  CHECK_THAT(report, HasText("detection: light"));  // where it comes from, or that nothing tells it
 }
 
 TEST_CASE("the whole way refuses a record of stages that is broken, and names it") {
