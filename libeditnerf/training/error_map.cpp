@@ -40,6 +40,10 @@ ErrorMap::ErrorMap(int64_t frames, int64_t height, int64_t width, double share)
   Settle();
 }
 
+int64_t ErrorMap::Bytes(int64_t frames, int64_t height, int64_t width) {
+  return frames * CellsIn(height) * CellsIn(width) * static_cast<int64_t>(2 * sizeof(float) + sizeof(double));
+}
+
 int64_t ErrorMap::CellOf(int64_t pixel) const {
   const int64_t row = pixel / width_, frame = row / height_;
   return (frame * down_ + (row - frame * height_) / kCell) * across_ + pixel % width_ / kCell;

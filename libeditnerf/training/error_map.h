@@ -17,6 +17,9 @@ class ErrorMap {
   // is known of any cell, and all are alike.
   ErrorMap(int64_t frames, int64_t height, int64_t width, double share);
 
+  // Memory that such a map takes.
+  static int64_t Bytes(int64_t frames, int64_t height, int64_t width);
+
   // What rays through `pixel` [R] int64 have missed their colours by, squared, [R] float32. What a cell is thought to
   // miss follows its last ten rays or so; what is not finite is left out.
   void Learn(const torch::Tensor& pixel, const torch::Tensor& missed);

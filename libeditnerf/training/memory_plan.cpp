@@ -8,6 +8,7 @@
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/kernels/fused_field.h"
 #include "libeditnerf/kernels/tile.h"
+#include "libeditnerf/training/error_map.h"
 
 namespace editnerf {
 namespace {
@@ -93,6 +94,10 @@ MemoryPlan PlanMemory(const Run& run, const Scene& scene) {
   plan.parts.emplace_back("Adam", 2 * parameters);
   if (stage.average_weights) plan.parts.emplace_back("mean of the weights", parameters);
   plan.parts.emplace_back("state to roll back to", 3 * parameters + BufferBytes(*run.renderer));
+  if (stage.error_share > 0 && frames > 0) {
+    const auto trained = static_cast<int64_t>(scene.train.size());
+    plan.parts.emplace_back("error map", ErrorMap::Bytes(trained, scene.images.size(1), scene.images.size(2)));
+  }
   plan.parts.emplace_back("samples of a step", SampleBytes(run, SamplesPerStep(run, stage)));
   return plan;
 }

@@ -18,8 +18,8 @@ torch::Tensor AllPixels() { return torch::arange(kPixels, torch::kInt64); }
 
 // Shares of the four cells of the first image and of the second one in draws by the map.
 torch::Tensor SharesOf(const ErrorMap& map, int64_t count) {
-  const torch::Tensor pixel = map.Draw(count), row = pixel / kWidth;
-  const torch::Tensor frame = row / kHeight, y = row % kHeight, x = pixel % kWidth;
+  const torch::Tensor pixel = map.Draw(count), row = pixel.div(kWidth, "floor");
+  const torch::Tensor frame = row.div(kHeight, "floor"), y = row % kHeight, x = pixel % kWidth;
   const torch::Tensor cell =
       torch::where(frame == 0, (y >= 8).to(torch::kInt64) * 2 + (x >= 8).to(torch::kInt64), torch::full_like(frame, 4));
   return torch::bincount(cell, {}, 5).to(torch::kFloat64) / static_cast<double>(count);
@@ -43,8 +43,8 @@ TEST_CASE("an error map draws a cell by its area and the root of its error, once
   torch::manual_seed(2);
   ErrorMap map(kFrames, kHeight, kWidth, 0.4);
   // The first cell is off by twice as much as all others.
-  const torch::Tensor pixel = AllPixels(), y = pixel / kWidth % kHeight, x = pixel % kWidth;
-  const torch::Tensor first = (pixel / (kWidth * kHeight) == 0).logical_and(y < 8).logical_and(x < 8);
+  const torch::Tensor pixel = AllPixels(), y = pixel.div(kWidth, "floor") % kHeight, x = pixel % kWidth;
+  const torch::Tensor first = (pixel < kWidth * kHeight).logical_and(y < 8).logical_and(x < 8);
   torch::Tensor missed = torch::where(first, torch::full({kPixels}, 0.04F), torch::full({kPixels}, 0.01F));
   for (int i = 0; i < 10; ++i) map.Learn(pixel, missed);
   const double before = 64.0 / kPixels, after = 2 * 64.0 / (kPixels + 64);

@@ -117,7 +117,7 @@ TEST_CASE("rays drawn by error go where images are off, and count so that their 
   all.pixel = torch::cat({torch::arange(pixels, torch::kInt64), torch::tensor({0}, torch::kInt64)});
   all.drawn = 1;
   const torch::Tensor index = torch::arange(pixels, torch::kInt64);
-  const torch::Tensor off = (index / 144 == 2).logical_and(index % 16 >= 8);
+  const torch::Tensor off = (index.div(144, "floor") == 2).logical_and(index % 16 >= 8);
   for (int i = 0; i < 5; ++i)
     rays.Learn(all, torch::cat({torch::where(off, torch::full({pixels}, 0.09F), torch::zeros({pixels})),
                                 torch::full({1}, 1e6F)}));
