@@ -11,25 +11,17 @@
 namespace editnerf {
 namespace {
 
-// Of an update after the warm-up: an empty cell in so many, and of the occupied ones as many as are all by this.
-constexpr int64_t kEmptyCells = 16, kOccupiedCells = 4;
-
-// A random index of each run of `run` indices below `size`.
-torch::Tensor OneOfEach(int64_t run, int64_t size, const torch::TensorOptions& options) {
-  const torch::Tensor first = torch::arange(0, size, run, options);
-  const torch::Tensor index = first + torch::randint(run, first.sizes(), options);
-  return index.size(0) * run == size ? index : index.clamp_max(size - 1);
-}
-
-// Every cell of the cube [n, n, n] that is set or shares a face with one that is.
-torch::Tensor Dilated(const torch::Tensor& bits) {
-  torch::Tensor grown = bits.clone();
+// Every cell of the cube [n, n, n] that is set or has a neighbour that is, diagonal ones too: axis by axis, which takes
+// a tenth of the time of max_pool3d.
+torch::Tensor Dilated(torch::Tensor bits) {
   for (int64_t axis = 0; axis < 3; ++axis) {
     const int64_t most = bits.size(axis) - 1;
+    torch::Tensor grown = bits.clone();
     grown.narrow(axis, 0, most).logical_or_(bits.narrow(axis, 1, most));
     grown.narrow(axis, 1, most).logical_or_(bits.narrow(axis, 0, most));
+    bits = grown;
   }
-  return grown;
+  return bits;
 }
 
 }  // namespace
@@ -90,13 +82,9 @@ torch::Tensor OccupancyGrid::AllCells() const {
 
 torch::Tensor OccupancyGrid::VisitedCells() const {
   if (updates_.item<int64_t>() < options_.warm_up) return AllCells();
-  const torch::Tensor occupied = occupied_.nonzero().squeeze(1);
-  const torch::Tensor any = OneOfEach(kEmptyCells, density_.size(0), occupied.options());
-  const torch::Tensor empty = any.index_select(0, occupied_.index_select(0, any).logical_not().nonzero().squeeze(1));
-  const int64_t most = std::max<int64_t>(density_.size(0) / kOccupiedCells, 1);
-  const int64_t run = (occupied.size(0) + most - 1) / most;
-  if (run <= 1) return torch::cat({occupied, empty});
-  return torch::cat({occupied.index_select(0, OneOfEach(run, occupied.size(0), occupied.options())), empty});
+  const auto draw = torch::rand(density_.sizes(), density_.options());
+  const double share = 0.125 / std::max(OccupiedShare(), 0.125);  // so that these, too, are an eighth of all at most
+  return torch::logical_or(draw < 0.125, torch::logical_and(occupied_, draw > 1 - share)).nonzero().squeeze(1);
 }
 
 torch::Tensor OccupancyGrid::PointsIn(const torch::Tensor& cells) const {

@@ -3,8 +3,8 @@
 // Every cell keeps the largest density seen in it, forgotten slowly: at each visit d <- max(decay * d, density(x)) for
 // a random x in the cell. A cell is occupied when d reaches the density whose opacity over one march step is the
 // threshold, but in any case when d reaches half the mean over the cells: an untrained field, thin everywhere, is
-// occupied everywhere. Occupied cells are dilated by one cell across their faces. Both that and a slow decay cost some
-// samples and keep what moves: x is drawn with a random state at every visit, so that a swept volume stays occupied.
+// occupied everywhere. Occupied cells are dilated by one cell. Both that and a slow decay cost some samples and keep
+// what moves: x is drawn with a random state at every visit, so that a swept volume stays occupied.
 //
 // As a torch::nn::Module whose state is all in buffers, it travels in checkpoints and across devices.
 #pragma once
@@ -28,7 +28,7 @@ struct OccupancyOptions {
   double threshold = 0.01;  // opacity over one step
   double step = 0.01;       // scene units
   double decay = 0.95;      // of the remembered density, at each visit of a cell
-  int64_t warm_up = 4;      // updates that visit every cell; later ones visit fewer
+  int64_t warm_up = 4;      // updates that visit every cell; later ones visit a quarter as many
   bool dilate = true;
 };
 
@@ -44,8 +44,7 @@ class OccupancyGrid : public torch::nn::Module {
   torch::Tensor Occupied(const torch::Tensor& x) const;
   torch::Tensor Inside(const torch::Tensor& x) const;
 
-  // Visits all cells during warm-up, later a sixteenth of the empty ones, and occupied ones up to a quarter of all. No
-  // gradients.
+  // Visits all cells during warm-up, later an eighth of all at random and as many occupied ones. No gradients.
   void Update(const DensityFunction& density);
 
   // Visits all cells and forgets nothing: makes room for states that training never showed, such as edits.
