@@ -162,11 +162,23 @@ class Decisions {
     const bool try_merging = stage.merge_key_points == Choice::kAuto && !alike_.empty();
     if (open_.empty() && !try_merging) return;
     for (const Component& component : open_) *component.choice = Choice::kOff;
+    TryBeginning(try_merging ? alike_.size() : 0);
+  }
+
+  ComponentTrials Make() {
+    for (const auto& [first, second] : alike_) Merge(first, second);
+    for (const Component& component : open_) Decide(component);
+    decided_.seconds = clock_.Seconds();
+    return std::move(decided_);
+  }
+
+ private:
+  // The field with none of what is open, and what there is time to try on top of it, with so many merges.
+  void TryBeginning(size_t merges) {
     if (const std::string why = trainings_.WhyNone(); !why.empty()) {
       LeaveOut(0, false, why);
       return;
     }
-    const size_t merges = try_merging ? alike_.size() : 0;
     size_t count = 1 + merges, affordable = 0;
     for (const Component& component : open_) count += component.needless.empty() ? 1 : 0;
     if (count == 1) return;
@@ -188,14 +200,6 @@ class Decisions {
     }
   }
 
-  ComponentTrials Make() {
-    for (const auto& [first, second] : alike_) Merge(first, second);
-    for (const Component& component : open_) Decide(component);
-    decided_.seconds = clock_.Seconds();
-    return std::move(decided_);
-  }
-
- private:
   // All components but the first `tried`, and all merging but where there is time to `merge`.
   void LeaveOut(size_t tried, bool merge, const std::string& why) {
     std::vector<Component*> by_rank;

@@ -15,7 +15,6 @@ void VisitTensors(Input& input, const Visit& visit) {
   visit("origin", input.batch.rays.origin);
   visit("direction", input.batch.rays.direction);
   visit("frame", input.batch.frame);
-  visit("pixel", input.batch.pixel);
   visit("target", input.batch.target);
   visit("emphasis", input.batch.emphasis);
   visit("distance", input.batch.distance);

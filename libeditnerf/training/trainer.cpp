@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/file.h"
