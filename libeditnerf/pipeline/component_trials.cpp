@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <functional>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
@@ -37,8 +36,6 @@ struct Component {
   bool undecided;        // what it is where it is not tried
   std::string needless;  // why nothing has to be tried
   bool of_parts;         // found by detection, and changes nothing but what moves
-  int first_tried;  // the less, the sooner it is tried where not all can be: what costs every step for nothing first
-  std::string untried;  // why it is not tried
 
   double LeastGain() const { return of_parts ? -kMostLoss : kLeastGain; }
 };
@@ -54,10 +51,10 @@ struct Measured {
 std::vector<Component> OpenComponents(FieldConfig* field, const DetectedKeyPoints& detected) {
   std::vector<Component> all = {
       {"field.fast.local_frames", &field->fast.local_frames, field->HasLocalFrames(),
-       detected.turns.defined() ? "" : "no part turns", true, 2, ""},
-      {"field.use_view_direction", &field->use_view_direction, field->HasViewDirection(), "", false, 0, ""},
-      {"field.use_appearance", &field->use_appearance, field->HasAppearance(), "", false, 1, ""},
-      {"field.warp.enabled", &field->warp.enabled, field->HasWarp(), "", false, 3, ""},
+       detected.turns.defined() ? "" : "no part turns", true},
+      {"field.use_view_direction", &field->use_view_direction, field->HasViewDirection(), "", false},
+      {"field.use_appearance", &field->use_appearance, field->HasAppearance(), "", false},
+      {"field.warp.enabled", &field->warp.enabled, field->HasWarp(), "", false},
   };
   std::vector<Component> open;
   for (Component& component : all) {
@@ -119,17 +116,12 @@ class ShortTrainings {
     if (StageOf(stage_, &config).trial_steps > 0) return "";
     return stage_ == FieldStage::kPretrain ? "pretrain.trial_steps is 0" : "train.trial_steps is 0";
   }
-  // How many that take `seconds` each the stage can pay for.
-  size_t Affordable(double seconds) const {
+  // The same for so many that take `seconds` each.
+  std::string WhyTooMany(double seconds, size_t count) const {
     Config config = request_.config;
-    const double limit = StageOf(stage_, &config).seconds;
-    if (limit == 0) return std::numeric_limits<size_t>::max();
-    return static_cast<size_t>(std::min(kMostShare * limit / std::max(seconds, 1e-9), 1e6));
-  }
-  // Why not as many as `count` are made that take `seconds` each.
-  static std::string WhyTooMany(double seconds, size_t count) {
-    return fmt::format("trying all takes {:.0f} s, more than {:.0f} % of the training time",
-                       seconds * static_cast<double>(count), 100 * kMostShare);
+    const double all = seconds * static_cast<double>(count), limit = StageOf(stage_, &config).seconds;
+    if (limit == 0 || all <= kMostShare * limit) return "";
+    return fmt::format("trying takes {:.0f} s, more than {:.0f} % of the training time", all, 100 * kMostShare);
   }
 
  private:
@@ -162,7 +154,14 @@ class Decisions {
     const bool try_merging = stage.merge_key_points == Choice::kAuto && !alike_.empty();
     if (open_.empty() && !try_merging) return;
     for (const Component& component : open_) *component.choice = Choice::kOff;
-    TryBeginning(try_merging ? alike_.size() : 0);
+    untried_ = trainings_.WhyNone();
+    if (!untried_.empty()) return;
+    const size_t count = 1 + open_.size() + (try_merging ? alike_.size() : 0);
+    const auto first = trainings_.After(decided_.config, detected_, {}, [&](double seconds) {
+      untried_ = trainings_.WhyTooMany(seconds, count);
+      return untried_.empty();
+    });
+    if (first) best_ = *first;
   }
 
   ComponentTrials Make() {
@@ -173,48 +172,6 @@ class Decisions {
   }
 
  private:
-  // The field with none of what is open, and what there is time to try on top of it, with so many merges.
-  void TryBeginning(size_t merges) {
-    if (const std::string why = trainings_.WhyNone(); !why.empty()) {
-      LeaveOut(0, false, why);
-      return;
-    }
-    size_t count = 1 + merges, affordable = 0;
-    for (const Component& component : open_) count += component.needless.empty() ? 1 : 0;
-    if (count == 1) return;
-    double each = 0;
-    const auto base = trainings_.After(decided_.config, detected_, {}, [&](double seconds) {
-      each = seconds;
-      affordable = trainings_.Affordable(seconds);
-      return affordable >= count;
-    });
-    if (base) {
-      best_ = *base;
-      return;
-    }
-    const TrialPlan plan = PlanTrials(affordable, merges);
-    LeaveOut(plan.components, plan.merging, ShortTrainings::WhyTooMany(each, count));
-    // Once more, with what is not tried as it is while undecided.
-    if (plan.components > 0 || (plan.merging && merges > 0)) {
-      best_ = *trainings_.After(decided_.config, detected_, {});
-    }
-  }
-
-  // All components but the first `tried`, and all merging but where there is time to `merge`.
-  void LeaveOut(size_t tried, bool merge, const std::string& why) {
-    std::vector<Component*> by_rank;
-    for (Component& component : open_) {
-      if (component.needless.empty()) by_rank.push_back(&component);
-    }
-    std::sort(by_rank.begin(), by_rank.end(),
-              [](const Component* a, const Component* b) { return a->first_tried < b->first_tried; });
-    for (size_t i = std::min(tried, by_rank.size()); i < by_rank.size(); ++i) {
-      by_rank[i]->untried = why;
-      *by_rank[i]->choice = by_rank[i]->undecided ? Choice::kOn : Choice::kOff;
-    }
-    if (!merge) unmerged_ = why;
-  }
-
   Measured Try(const KeyPointMap& map) const { return *trainings_.After(decided_.config, Merged(detected_, map), {}); }
 
   // The second of two detected key points that move as one part goes where nobody misses it.
@@ -227,9 +184,9 @@ class Decisions {
     trial.reason = fmt::format("moves as key point {} does", first + 1);
     if (request_.config.train.merge_key_points == Choice::kOn) {
       trial.on = false;
-    } else if (!unmerged_.empty()) {
+    } else if (!untried_.empty()) {
       trial.on = true;
-      trial.reason += ", but " + unmerged_;
+      trial.reason += ", but " + untried_;
     } else {
       const Measured without = Try(merged);
       trial.with = best_.all;
@@ -251,9 +208,9 @@ class Decisions {
     trial.setting = component.setting;
     if (!component.needless.empty()) {
       trial.reason = component.needless;
-    } else if (!component.untried.empty()) {
+    } else if (!untried_.empty()) {
       trial.on = component.undecided;
-      trial.reason = component.untried;
+      trial.reason = untried_;
     } else {
       *component.choice = Choice::kOn;
       const Measured with = Try(decided_.merged);
@@ -280,17 +237,12 @@ class Decisions {
   ComponentTrials decided_;
   std::vector<Component> open_;                     // pointing into decided_.config
   std::vector<std::pair<int64_t, int64_t>> alike_;  // detected key points
-  std::string unmerged_;                            // why no merging is tried
+  std::string untried_;                             // why no trial is made
   std::set<int64_t> gone_;                          // of them, merged
   Measured best_;
 };
 
 }  // namespace
-
-TrialPlan PlanTrials(size_t affordable, size_t merges) {
-  const bool merging = affordable > merges;
-  return {std::max<size_t>(affordable, 1) - 1 - (merging ? merges : 0), merging};
-}
 
 ComponentTrials DecideComponents(const Scene& scene, const StageRequest& request, const DetectedKeyPoints& detected) {
   return Decisions(scene, request, detected).Make();
@@ -309,9 +261,8 @@ ComponentTrials DecideAmbient(const Scene& scene, const StageRequest& request, c
   double best = 0;
   if (untried.empty()) {
     const auto first = trainings.After(decided.config, {}, depth, [&](double seconds) {
-      if (trainings.Affordable(seconds) >= static_cast<size_t>(kMostAmbient)) return true;
-      untried = ShortTrainings::WhyTooMany(seconds, static_cast<size_t>(kMostAmbient));
-      return false;
+      untried = trainings.WhyTooMany(seconds, static_cast<size_t>(kMostAmbient));
+      return untried.empty();
     });
     if (first) best = first->all;
   }

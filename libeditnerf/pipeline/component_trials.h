@@ -8,7 +8,6 @@
 // are seen lose by them. Key points come first: one that moves as another one does stays only where it gains.
 #pragma once
 
-#include <cstddef>
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -35,19 +34,9 @@ struct ComponentTrials {
   double seconds = 0;
 };
 
-struct TrialPlan {
-  size_t components = 0;  // how many are tried
-  bool merging = false;   // whether all merges are
-};
-
-// Of `affordable` short trainings, the first of which has none of what is tried: merges go first, if there is time for
-// all of them.
-TrialPlan PlanTrials(size_t affordable, size_t merges);
-
 // Trains train.trial_steps for every open component, all with one seed, and otherwise as the stage would be trained.
 // Decided without trials, and said so, where the scene has no validation frames or the stage is too short to pay for
-// them; where it can pay for some, the view direction is tried before appearance codes, those before local frames.
-// Leaves the random generators alone. Throws Interrupted after Ctrl-C.
+// them. Leaves the random generators alone. Throws Interrupted after Ctrl-C.
 ComponentTrials DecideComponents(const Scene& scene, const StageRequest& request, const DetectedKeyPoints& detected);
 
 // The same for the number of ambient coordinates of pretraining, where field.slicing.ambient_dim leaves it open: one,

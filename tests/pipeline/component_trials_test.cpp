@@ -154,22 +154,6 @@ TEST_CASE("components are as they are while undecided where trials cannot be mad
   check(DecideComponents(scene, Request(AllOpen(5)), none), "no validation frames");
 }
 
-TEST_CASE("as many components are tried as there is time for, after all merges or none") {
-  const auto check = [](size_t affordable, size_t merges, size_t components, bool merging) {
-    INFO(affordable << " trainings, " << merges << " merges");
-    const TrialPlan plan = PlanTrials(affordable, merges);
-    CHECK(plan.components == components);
-    CHECK(plan.merging == merging);
-  };
-  check(0, 0, 0, false);
-  check(1, 0, 0, true);
-  check(3, 0, 2, true);
-  check(0, 2, 0, false);
-  check(2, 2, 1, false);
-  check(3, 2, 0, true);
-  check(5, 2, 2, true);
-}
-
 TEST_CASE("a key point that moves as another one does goes where held-out pixels do not miss it") {
   const Scene& scene = TinyScene();
   const DetectedKeyPoints detected = TwoOnTheLid(scene);
