@@ -1,6 +1,7 @@
 // The tests' entry point: two threads, whatever LibTorch starts with, so that results do not depend on the machine, and
 // the same random numbers in every run; `--rng-seed N` draws others.
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cstdlib>
 

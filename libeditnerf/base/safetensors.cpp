@@ -1,6 +1,6 @@
 #include "libeditnerf/base/safetensors.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <cerrno>

@@ -1,6 +1,6 @@
 #include "libeditnerf/benchmarks/ablation_ladder.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 namespace editnerf {
 

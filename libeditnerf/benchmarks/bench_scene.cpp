@@ -1,7 +1,9 @@
 #include "libeditnerf/benchmarks/bench_scene.h"
 
 #include <fmt/ranges.h>
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <filesystem>

@@ -1,6 +1,7 @@
 #include "libeditnerf/benchmarks/field_kernel_cases.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "libeditnerf/benchmarks/kernel_cases.h"
 #include "libeditnerf/kernels/bf16_product.h"

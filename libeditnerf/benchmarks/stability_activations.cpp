@@ -1,6 +1,8 @@
 // Softmax of the key points' weights and the density's activations, where logits and pre-activations are extreme.
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,7 @@
 // Compositing: weights of samples and the light behind them, against products in extended precision.
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 

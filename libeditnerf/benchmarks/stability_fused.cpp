@@ -1,7 +1,8 @@
 // The fused pass from the march to the gradients of log densities, ray by ray. Samples lie exactly on the corners of a
 // hash level, and both networks are a single layer, so that every sample has an entry of the table to itself: its
 // features are the sample's log density and what its colour is made of.
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <cmath>

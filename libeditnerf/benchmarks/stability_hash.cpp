@@ -1,5 +1,7 @@
 // Hash encoding inside, on and far outside its cube, from tables in float32 and bfloat16.
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <array>

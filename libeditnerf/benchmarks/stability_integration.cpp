@@ -1,5 +1,6 @@
 // The stiff limit of dT/ds = -sigma T: the colour of a ray through a bump of density, by several ways of stepping.
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 

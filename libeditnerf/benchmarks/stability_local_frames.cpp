@@ -1,6 +1,8 @@
 // Coordinates in the frames of parts that turn with their key points, from still and coincident key points to scenes of
 // any size: sum_i w_i R_i(k_i) (x - k_i), and its gradient with respect to the key points.
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <array>

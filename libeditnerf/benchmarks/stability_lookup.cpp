@@ -1,5 +1,7 @@
 // Look-ups in flow and depth maps with holes: at pixel centres, borders and corners, beside NaN and infinity, outside.
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <cmath>

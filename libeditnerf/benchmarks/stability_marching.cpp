@@ -1,5 +1,6 @@
 // Degenerate rays through an occupancy grid: which samples are kept, and where they lie.
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 #include <limits>

@@ -1,6 +1,8 @@
 // Small networks in float32 and bfloat16, with inputs from 1e-4 to 1e4.
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 #include <functional>

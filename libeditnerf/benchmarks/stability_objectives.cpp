@@ -1,5 +1,7 @@
 // What training wants of rays beside their colours, and where rays end.
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 

@@ -1,5 +1,7 @@
 // Positional encoding from inside the scene's box to where no float32 has a digit left of a phase.
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <cmath>

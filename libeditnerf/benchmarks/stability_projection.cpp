@@ -1,5 +1,7 @@
 // Projection of points at, behind and beside cameras from 1e-3 to 1e6 pixels of focal length, also badly distorted.
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,7 @@
 // The SE(3) exponential from no rotation at all to many turns.
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <array>
 #include <cmath>

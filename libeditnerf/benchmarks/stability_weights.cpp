@@ -1,7 +1,9 @@
 // The key points' weights from a point to the softmax: encoding, network and distances from the tracks, for 2 to 64 key
 // points that move apart, together or on a line, with logits of up to 1e4, and for points far outside.
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,7 @@
 #include "libeditnerf/benchmarks/tables_benchmark.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <functional>
 #include <utility>

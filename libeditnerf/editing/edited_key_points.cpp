@@ -1,6 +1,7 @@
 #include "libeditnerf/editing/edited_key_points.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 

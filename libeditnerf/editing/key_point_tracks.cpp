@@ -1,6 +1,6 @@
 #include "libeditnerf/editing/key_point_tracks.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <limits>

@@ -1,6 +1,6 @@
 #include "libeditnerf/evaluation/flow_error.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <cmath>

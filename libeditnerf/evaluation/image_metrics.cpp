@@ -1,6 +1,7 @@
 #include "libeditnerf/evaluation/image_metrics.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,8 @@
 #include "libeditnerf/evaluation/lpips.h"
 
-#include <torch/torch.h>
+#include <torch/nn/modules/conv.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <array>

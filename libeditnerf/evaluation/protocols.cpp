@@ -1,6 +1,7 @@
 #include "libeditnerf/evaluation/protocols.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 

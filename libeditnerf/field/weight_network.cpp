@@ -1,6 +1,6 @@
 #include "libeditnerf/field/weight_network.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <limits>
 

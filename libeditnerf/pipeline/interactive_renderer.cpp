@@ -1,6 +1,7 @@
 #include "libeditnerf/pipeline/interactive_renderer.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <utility>

@@ -1,6 +1,6 @@
 #include "libeditnerf/pipeline/key_point_merging.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <numeric>

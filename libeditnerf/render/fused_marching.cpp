@@ -1,6 +1,7 @@
 #include "libeditnerf/render/fused_marching.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 

@@ -1,6 +1,7 @@
 #include "libeditnerf/render/sampling.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"

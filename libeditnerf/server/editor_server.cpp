@@ -2,7 +2,7 @@
 
 #include <httplib.h>
 #include <sys/socket.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <chrono>

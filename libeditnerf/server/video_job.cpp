@@ -1,6 +1,6 @@
 #include "libeditnerf/server/video_job.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <exception>
 #include <functional>

@@ -1,6 +1,7 @@
 #include "libeditnerf/tracking/raft_flow.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 #include "libeditnerf/training/error_map.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <cmath>

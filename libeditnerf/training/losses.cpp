@@ -1,6 +1,6 @@
 #include "libeditnerf/training/losses.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"

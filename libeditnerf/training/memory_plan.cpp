@@ -1,7 +1,8 @@
 #include "libeditnerf/training/memory_plan.h"
 
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/types.h>
 
 #include <algorithm>
 

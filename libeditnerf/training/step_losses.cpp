@@ -1,6 +1,6 @@
 #include "libeditnerf/training/step_losses.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "libeditnerf/training/losses.h"
 

@@ -1,7 +1,7 @@
 #include "libeditnerf/training/step_replay.h"
 
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cmath>
 #include <limits>

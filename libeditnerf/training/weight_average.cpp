@@ -1,6 +1,7 @@
 #include "libeditnerf/training/weight_average.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <stdexcept>

@@ -1,5 +1,5 @@
 // LPIPS against the values of its published program. Here, because reading the images takes OpenCV.
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <opencv2/imgcodecs.hpp>
 

@@ -1,6 +1,6 @@
 #include "libeditnerf/base/pth_archive.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <limits>
 

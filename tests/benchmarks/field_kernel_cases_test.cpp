@@ -1,7 +1,8 @@
 #include "libeditnerf/benchmarks/field_kernel_cases.h"
 
 #include <ATen/record_function.h>
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <atomic>
 #include <map>

@@ -2,7 +2,8 @@
 //
 //   consumer make RUN     writes a small untrained run to work on
 //   consumer RUN IMAGE    the edit itself; IMAGE is a .ppm file
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <fstream>
 #include <iostream>

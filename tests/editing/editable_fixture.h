@@ -2,7 +2,8 @@
 // and away from the cameras while the other one moves up.
 #pragma once
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <memory>
 #include <string>

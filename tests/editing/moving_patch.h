@@ -1,7 +1,7 @@
 // A made video: a textured disc that moves to the right and down over a textured ground that stands still.
 #pragma once
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cstdint>
 #include <filesystem>

@@ -1,6 +1,6 @@
 #include "libeditnerf/evaluation/depth_error.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <limits>
 

@@ -1,6 +1,7 @@
 #include "libeditnerf/evaluation/evaluation_result.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <limits>
 

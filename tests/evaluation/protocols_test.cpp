@@ -1,6 +1,6 @@
 #include "libeditnerf/evaluation/protocols.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cmath>
 

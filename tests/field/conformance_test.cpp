@@ -1,5 +1,8 @@
 // What every module of the field promises: save and load, both precisions, gradients for every parameter, any device.
-#include <torch/torch.h>
+#include <torch/cuda.h>
+#include <torch/nn/module.h>
+#include <torch/serialize.h>
+#include <torch/types.h>
 
 #include <functional>
 #include <memory>

@@ -1,6 +1,6 @@
 #include "libeditnerf/field/density_activation.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cmath>
 

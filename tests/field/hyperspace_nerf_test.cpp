@@ -1,6 +1,7 @@
 #include "libeditnerf/field/hyperspace_nerf.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "tests/catch.h"
 #include "tests/gradient_check.h"

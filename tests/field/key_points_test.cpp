@@ -1,6 +1,6 @@
 #include "libeditnerf/field/key_points.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,7 @@
 #include "libeditnerf/field/positional_encoding.h"
 
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
 
 #include <cmath>
 #include <limits>

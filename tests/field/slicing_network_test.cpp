@@ -1,6 +1,7 @@
 #include "libeditnerf/field/slicing_network.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "tests/catch.h"
 #include "tests/gradient_check.h"

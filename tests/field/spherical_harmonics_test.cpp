@@ -1,6 +1,7 @@
 #include "libeditnerf/field/spherical_harmonics.h"
 
-#include <torch/torch.h>
+#include <torch/nn/functional.h>
+#include <torch/types.h>
 
 #include <cmath>
 

@@ -1,6 +1,6 @@
 #include "libeditnerf/field/truncated_exp.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "tests/catch.h"
 

@@ -1,6 +1,7 @@
 #include "libeditnerf/field/warp_field.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "libeditnerf/geometry/se3.h"
 #include "tests/catch.h"

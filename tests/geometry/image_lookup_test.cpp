@@ -1,6 +1,6 @@
 #include "libeditnerf/geometry/image_lookup.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <limits>
 

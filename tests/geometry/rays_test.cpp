@@ -1,6 +1,6 @@
 #include "libeditnerf/geometry/rays.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "libeditnerf/base/error.h"
 #include "tests/catch.h"

@@ -1,6 +1,6 @@
 #include "libeditnerf/geometry/se3.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cmath>
 

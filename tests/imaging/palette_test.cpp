@@ -1,6 +1,6 @@
 #include "libeditnerf/imaging/palette.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cmath>
 

@@ -1,6 +1,7 @@
 #include "libeditnerf/kernels/adam_step.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 #include <limits>

@@ -1,5 +1,6 @@
 // The fused kernels in bfloat16 against the modules in float64.
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "tests/catch.h"
 #include "tests/kernels/fused_field_fixture.h"

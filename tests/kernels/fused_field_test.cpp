@@ -1,7 +1,8 @@
 // The fused kernels against the modules: a HyperspaceField differentiates the same objective both ways.
 #include "libeditnerf/kernels/fused_field.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <map>

@@ -1,6 +1,8 @@
 #include "libeditnerf/kernels/fused_mlp.h"
 
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "libeditnerf/base/error.h"
 #include "tests/catch.h"

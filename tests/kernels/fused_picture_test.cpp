@@ -1,5 +1,6 @@
 // What the fused kernels show, pictures and densities, against the modules.
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 

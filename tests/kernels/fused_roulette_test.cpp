@@ -1,5 +1,6 @@
 // Gradients that go back by lot (RayLoss::roulette) against those of all samples.
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,8 @@
 #include "libeditnerf/kernels/hash_encoding.h"
 
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <cmath>

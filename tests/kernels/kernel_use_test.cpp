@@ -1,6 +1,7 @@
 #include "libeditnerf/kernels/kernel_use.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "libeditnerf/field/hyperspace_field.h"
 #include "libeditnerf/render/ray_renderer.h"

@@ -1,6 +1,8 @@
 #include "libeditnerf/kernels/packed_compositing.h"
 
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 

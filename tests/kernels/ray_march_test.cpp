@@ -1,6 +1,7 @@
 #include "libeditnerf/kernels/ray_march.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <limits>
 

@@ -1,5 +1,5 @@
 // What a training step asks the heap for once sizes have settled: nothing for its samples.
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <atomic>
 #include <cstdlib>

@@ -1,7 +1,7 @@
 // Tensors as rows of a tile, and back.
 #pragma once
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <limits>

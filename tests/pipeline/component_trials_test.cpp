@@ -1,6 +1,7 @@
 #include "libeditnerf/pipeline/component_trials.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <nlohmann/json.hpp>
 

@@ -1,6 +1,6 @@
 #include "libeditnerf/pipeline/evaluate_run.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/config/yaml.h"

@@ -2,7 +2,7 @@
 #pragma once
 
 #include <malloc.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cstdint>
 #include <fstream>

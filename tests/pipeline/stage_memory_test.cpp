@@ -1,6 +1,7 @@
 #include "libeditnerf/pipeline/stage_memory.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <functional>
 #include <map>

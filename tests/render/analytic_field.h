@@ -2,7 +2,7 @@
 // sample lies, with the parameter `strength` multiplying its density.
 #pragma once
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "libeditnerf/field/radiance_field.h"
 

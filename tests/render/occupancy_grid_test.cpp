@@ -1,6 +1,7 @@
 #include "libeditnerf/render/occupancy_grid.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 #include <limits>

@@ -1,5 +1,6 @@
 // Pictures that evaluate less (RenderImage without `exact`) against those that evaluate everything.
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <limits>
 

@@ -1,6 +1,7 @@
 #include "libeditnerf/render/ray_marcher.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "libeditnerf/render/compositing.h"
 #include "tests/catch.h"

@@ -1,6 +1,6 @@
 #include "libeditnerf/scene/packed_scene.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <filesystem>
 

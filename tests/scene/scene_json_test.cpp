@@ -1,6 +1,6 @@
 #include "libeditnerf/scene/scene_json.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <limits>
 #include <nlohmann/json.hpp>

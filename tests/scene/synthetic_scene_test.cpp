@@ -1,6 +1,6 @@
 #include "libeditnerf/scene/synthetic/synthetic_scene.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cmath>
 #include <map>

@@ -1,5 +1,6 @@
 // What tests/browser opens in the editor: two cups, trained on for as long as it takes until they can be told apart.
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cstdlib>
 #include <filesystem>

@@ -1,7 +1,7 @@
 // A sphere on an arm that swings around an upright axis, and a part that knows it but for some frames.
 #include "libeditnerf/tracking/hinge_search.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <cmath>

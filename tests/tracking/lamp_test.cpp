@@ -1,6 +1,6 @@
 #include "libeditnerf/tracking/lamp.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cmath>
 

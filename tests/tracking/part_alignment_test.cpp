@@ -1,7 +1,7 @@
 // A sphere that slides, and a part that was fitted to tracks that drift on it.
 #include "libeditnerf/tracking/part_alignment.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/tracking/part_fit.h"

@@ -1,6 +1,7 @@
 #include "libeditnerf/tracking/steady_places.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "tests/catch.h"
 

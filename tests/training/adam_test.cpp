@@ -1,6 +1,8 @@
 #include "libeditnerf/training/adam.h"
 
-#include <torch/torch.h>
+#include <torch/optim.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "libeditnerf/base/error.h"
 #include "tests/catch.h"

@@ -1,6 +1,6 @@
 #include "libeditnerf/training/depth_targets.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/safetensors.h"

@@ -1,6 +1,7 @@
 // The same seed, threads and machine give the same bits; a resumed run continues with them; other numbers of threads
 // give nearly the same.
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 

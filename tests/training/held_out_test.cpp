@@ -1,6 +1,6 @@
 #include "libeditnerf/training/held_out.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "libeditnerf/scene/timeline.h"
 #include "libeditnerf/training/carried_pixels.h"

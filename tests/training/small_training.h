@@ -1,7 +1,7 @@
 // Scenes, configurations and key points with which a test trains in a second.
 #pragma once
 
-#include <torch/torch.h>
+#include <torch/types.h>
 #include <unistd.h>
 #include <utility>
 

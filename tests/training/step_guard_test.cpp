@@ -1,6 +1,6 @@
 #include "libeditnerf/training/step_guard.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <limits>
 

@@ -1,5 +1,6 @@
 // What is not finite never reaches the weights, and a run that fails again and again ends.
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 #include <limits>

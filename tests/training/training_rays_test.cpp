@@ -1,6 +1,7 @@
 #include "libeditnerf/training/training_rays.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "libeditnerf/scene/synthetic/synthetic_scene.h"
 #include "tests/catch.h"

@@ -1,6 +1,7 @@
 #include "libeditnerf/training/warm_start.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/scene/synthetic/synthetic_scene.h"

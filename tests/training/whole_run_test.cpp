@@ -1,6 +1,7 @@
 // Whole runs over input that nobody should film: they end with finite weights and a report of what was skipped, or with
 // an error that says what is wrong.
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cmath>
 

@@ -1,7 +1,7 @@
 #include "libeditnerf/scene/synthetic/synthetic_scene.h"
 
 #include <fmt/ranges.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <limits>

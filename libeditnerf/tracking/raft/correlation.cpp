@@ -1,6 +1,6 @@
 #include "libeditnerf/tracking/raft/correlation.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,9 @@
 #include "libeditnerf/tracking/raft/encoder.h"
 
-#include <torch/torch.h>
+#include <torch/nn/modules/batchnorm.h>
+#include <torch/nn/modules/container/sequential.h>
+#include <torch/nn/modules/conv.h>
+#include <torch/types.h>
 
 namespace editnerf {
 namespace {

@@ -1,6 +1,7 @@
 #include "libeditnerf/tracking/raft/weights.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <array>
 #include <map>
