@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
@@ -22,9 +23,12 @@
 namespace editnerf {
 namespace {
 
-constexpr int64_t kRays = 16384;     // held-out pixels
-constexpr uint64_t kSeed = 1;        // of every trial, so that they differ by the component alone
-constexpr double kLeastGain = 0.2;   // dB; runs of the same settings differ by 0.1
+constexpr int64_t kRays = 16384;  // held-out pixels
+// Of every trial the first, so that they differ by the component alone; the second where the first one says otherwise
+// than what is done without trials.
+constexpr uint64_t kSeed = 1, kSecondSeed = 2;
+constexpr double kLeastGain = 0.2;   // dB
+constexpr double kCodesGain = 0.4;   // dB, of appearance codes, which early on explain what more steps would have shown
 constexpr double kMostLoss = 0.3;    // dB, of what detection found, where parts are seen
 constexpr double kMostShare = 0.15;  // of a stage's seconds that trials may take
 constexpr int64_t kMostAmbient = 4;  // ambient coordinates that are tried
@@ -33,28 +37,38 @@ constexpr int64_t kClocked = 10;     // steps in that number that say how long a
 struct Component {
   const char* setting;
   Choice* choice;
-  bool undecided;        // what it is where it is not tried
-  std::string needless;  // why nothing has to be tried
-  bool of_parts;         // found by detection, and changes nothing but what moves
-
-  double LeastGain() const { return of_parts ? -kMostLoss : kLeastGain; }
+  bool undecided;         // what it is where it is not tried
+  double least_gain;      // dB
+  std::string needless;   // why nothing has to be tried
+  bool of_parts = false;  // found by detection, and changes nothing but what moves
 };
 
 // Held-out PSNR in dB.
 struct Measured {
   double all = 0, parts = 0;  // parts: of pixels where parts are seen that move; equal to `all` where none is known
 
-  double Of(const Component& component) const { return component.of_parts ? parts : all; }
+  double Of(bool of_parts) const { return of_parts ? parts : all; }
+};
+
+// What one field gives, by the seed of its training.
+using MeasuredBySeed = std::map<uint64_t, Measured>;
+
+// A change to what is decided: PSNR before and after, means over the seeds that were asked.
+struct Compared {
+  double before = 0, after = 0;
+  MeasuredBySeed changed;
+
+  double Gain() const { return after - before; }
 };
 
 // Those that the configuration leaves open; what gains most first.
 std::vector<Component> OpenComponents(FieldConfig* field, const DetectedKeyPoints& detected) {
   std::vector<Component> all = {
-      {"field.fast.local_frames", &field->fast.local_frames, field->HasLocalFrames(),
+      {"field.fast.local_frames", &field->fast.local_frames, field->HasLocalFrames(), -kMostLoss,
        detected.turns.defined() ? "" : "no part turns", true},
-      {"field.use_view_direction", &field->use_view_direction, field->HasViewDirection(), "", false},
-      {"field.use_appearance", &field->use_appearance, field->HasAppearance(), "", false},
-      {"field.warp.enabled", &field->warp.enabled, field->HasWarp(), "", false},
+      {"field.use_view_direction", &field->use_view_direction, field->HasViewDirection(), kLeastGain, {}},
+      {"field.use_appearance", &field->use_appearance, field->HasAppearance(), kCodesGain, {}},
+      {"field.warp.enabled", &field->warp.enabled, field->HasWarp(), kLeastGain, {}},
   };
   std::vector<Component> open;
   for (Component& component : all) {
@@ -76,8 +90,8 @@ class ShortTrainings {
   // What one gives, in steps of half the stage's size: what a component brings shows early. `affordable` is asked once,
   // with the seconds that its first steps promise; nothing where it is not.
   std::optional<Measured> After(const Config& config, const DetectedKeyPoints& detected, const DepthTargets& depth,
-                                const std::function<bool(double seconds)>& affordable = {}) const {
-    const GeneratorGuard guard(kSeed);
+                                uint64_t seed, const std::function<bool(double seconds)>& affordable = {}) const {
+    const GeneratorGuard guard(seed);
     Config trial = config;
     StageConfig& stage = StageOf(stage_, &trial);
     stage.steps = stage.trial_steps;
@@ -157,11 +171,11 @@ class Decisions {
     untried_ = trainings_.WhyNone();
     if (!untried_.empty()) return;
     const size_t count = 1 + open_.size() + (try_merging ? alike_.size() : 0);
-    const auto first = trainings_.After(decided_.config, detected_, {}, [&](double seconds) {
+    const auto first = trainings_.After(decided_.config, detected_, {}, kSeed, [&](double seconds) {
       untried_ = trainings_.WhyTooMany(seconds, count);
       return untried_.empty();
     });
-    if (first) best_ = *first;
+    if (first) measured_[kSeed] = *first;
   }
 
   ComponentTrials Make() {
@@ -172,7 +186,29 @@ class Decisions {
   }
 
  private:
-  Measured Try(const KeyPointMap& map) const { return *trainings_.After(decided_.config, Merged(detected_, map), {}); }
+  Measured Try(const Config& config, const KeyPointMap& map, uint64_t seed) const {
+    return *trainings_.After(config, Merged(detected_, map), {}, seed);
+  }
+
+  // What changes of configuration and key points bring. Two trainings that differ by nothing but their seed differ by
+  // more than what decides, so what the first one finds is asked again where it `matters`.
+  Compared Compare(const Config& config, const KeyPointMap& map, bool of_parts,
+                   const std::function<bool(double gain)>& matters) {
+    Compared compared;
+    const auto ask = [&](uint64_t seed) {
+      const auto [before, fresh] = measured_.try_emplace(seed);
+      if (fresh) before->second = Try(decided_.config, decided_.merged, seed);
+      compared.changed[seed] = Try(config, map, seed);
+      compared.before += before->second.Of(of_parts);
+      compared.after += compared.changed[seed].Of(of_parts);
+    };
+    ask(kSeed);
+    if (!matters(compared.Gain())) return compared;
+    ask(kSecondSeed);
+    compared.before /= 2;
+    compared.after /= 2;
+    return compared;
+  }
 
   // The second of two detected key points that move as one part goes where nobody misses it.
   void Merge(int64_t first, int64_t second) {
@@ -188,12 +224,13 @@ class Decisions {
       trial.on = true;
       trial.reason += ", but " + untried_;
     } else {
-      const Measured without = Try(merged);
-      trial.with = best_.all;
-      trial.without = without.all;
-      trial.on = *trial.with - *trial.without > kLeastGain;
-      trial.reason += ", " + GainText(*trial.with - *trial.without);
-      if (!trial.on) best_ = without;
+      const auto misses = [](double gain) { return -gain > kLeastGain; };
+      const Compared without = Compare(decided_.config, merged, false, misses);
+      trial.with = without.before;
+      trial.without = without.after;
+      trial.on = misses(without.Gain());
+      trial.reason += ", " + GainText(-without.Gain());
+      if (!trial.on) measured_ = without.changed;
     }
     if (!trial.on) {
       trial.merged_into = first;
@@ -213,13 +250,16 @@ class Decisions {
       trial.reason = untried_;
     } else {
       *component.choice = Choice::kOn;
-      const Measured with = Try(decided_.merged);
-      trial.without = best_.Of(component);
-      trial.with = with.Of(component);
-      const double gain = *trial.with - *trial.without;
-      trial.reason = GainText(gain, component.LeastGain()) + (component.of_parts ? " where parts are seen" : "");
-      trial.on = gain > component.LeastGain();
-      if (trial.on) best_ = with;
+      const Config config = decided_.config;
+      *component.choice = Choice::kOff;
+      const auto enough = [&](double gain) { return gain > component.least_gain; };
+      const Compared with = Compare(config, decided_.merged, component.of_parts,
+                                    [&](double gain) { return enough(gain) != component.of_parts; });
+      trial.without = with.before;
+      trial.with = with.after;
+      trial.reason = GainText(with.Gain(), component.least_gain) + (component.of_parts ? " where parts are seen" : "");
+      trial.on = enough(with.Gain());
+      if (trial.on) measured_ = with.changed;
     }
     *component.choice = trial.on ? Choice::kOn : Choice::kOff;
     Keep(trial);
@@ -239,7 +279,7 @@ class Decisions {
   std::vector<std::pair<int64_t, int64_t>> alike_;  // detected key points
   std::string untried_;                             // why no trial is made
   std::set<int64_t> gone_;                          // of them, merged
-  Measured best_;
+  MeasuredBySeed measured_;                         // what is decided so far
 };
 
 }  // namespace
@@ -260,7 +300,7 @@ ComponentTrials DecideAmbient(const Scene& scene, const StageRequest& request, c
   slicing.ambient_dim = 1;
   double best = 0;
   if (untried.empty()) {
-    const auto first = trainings.After(decided.config, {}, depth, [&](double seconds) {
+    const auto first = trainings.After(decided.config, {}, depth, kSeed, [&](double seconds) {
       untried = trainings.WhyTooMany(seconds, static_cast<size_t>(kMostAmbient));
       return untried.empty();
     });
@@ -275,7 +315,7 @@ ComponentTrials DecideAmbient(const Scene& scene, const StageRequest& request, c
     ComponentTrial trial;
     trial.setting = fmt::format("{} ambient dimensions", ++slicing.ambient_dim);
     trial.without = best;
-    trial.with = trainings.After(decided.config, {}, depth)->all;
+    trial.with = trainings.After(decided.config, {}, depth, kSeed)->all;
     trial.reason = GainText(*trial.with - best);
     trial.on = gains = *trial.with - best > kLeastGain;
     if (gains) {

@@ -2,10 +2,11 @@
 // key points of one part, are decided by short trainings, compared on pixels of the validation frames.
 //
 // The field begins with none of the components. One after the other is added, trained for some hundred steps, and stays
-// where it gains more than runs of the same settings differ by. So what nobody misses costs nothing, neither time nor
-// the freedom to explain a picture by something that is not there. Local frames are another matter: detection has
-// weighed turns against none already, and they change nothing but what moves. So they stay, unless pixels where parts
-// are seen lose by them. Key points come first: one that moves as another one does stays only where it gains.
+// where it gains enough, on the mean over two seeds where the first one says so, as runs of the same settings differ.
+// So what nobody misses costs nothing, neither time nor the freedom to explain a picture by something that is not
+// there. Local frames are another matter: detection has weighed turns against none already, and they change nothing but
+// what moves. So they stay, unless pixels where parts are seen lose by them. Key points come first: one that moves as
+// another one does stays only where it gains.
 #pragma once
 
 #include <filesystem>
@@ -34,7 +35,8 @@ struct ComponentTrials {
   double seconds = 0;
 };
 
-// Trains train.trial_steps for every open component, all with one seed, and otherwise as the stage would be trained.
+// Trains train.trial_steps for every open component, and for none, with one seed, with another one where that would
+// change what is done without trials, and otherwise as the stage would be trained.
 // Decided without trials, and said so, where the scene has no validation frames or the stage is too short to pay for
 // them. Leaves the random generators alone. Throws Interrupted after Ctrl-C.
 ComponentTrials DecideComponents(const Scene& scene, const StageRequest& request, const DetectedKeyPoints& detected);

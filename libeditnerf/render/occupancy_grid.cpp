@@ -1,6 +1,7 @@
 #include "libeditnerf/render/occupancy_grid.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +11,17 @@
 
 namespace editnerf {
 namespace {
+
+constexpr int64_t kVisited = 8;  // after the warm-up an update visits one cell in so many, and as many occupied ones
+
+// An index at random from each of `count` equal parts of [0, size), all where there are no more: a random number for
+// each index would take four times as long. Two neighbours may draw the same one.
+torch::Tensor OneOfEachPart(int64_t count, int64_t size, const torch::TensorOptions& options) {
+  const torch::Tensor part = torch::arange(std::min(count, size), options.dtype(torch::kFloat64));
+  if (size <= count) return part.to(options.dtype());
+  const double width = static_cast<double>(size) / static_cast<double>(count);
+  return ((part + torch::rand_like(part)) * width).to(options.dtype()).clamp_max(size - 1);
+}
 
 // Every cell of the cube [n, n, n] that is set or has a neighbour that is, diagonal ones too: axis by axis, which takes
 // a tenth of the time of max_pool3d.
@@ -82,16 +94,19 @@ torch::Tensor OccupancyGrid::AllCells() const {
 
 torch::Tensor OccupancyGrid::VisitedCells() const {
   if (updates_.item<int64_t>() < options_.warm_up) return AllCells();
-  const auto draw = torch::rand(density_.sizes(), density_.options());
-  const double share = 0.125 / std::max(OccupiedShare(), 0.125);  // so that these, too, are an eighth of all at most
-  return torch::logical_or(draw < 0.125, torch::logical_and(occupied_, draw > 1 - share)).nonzero().squeeze(1);
+  const int64_t cells = density_.size(0), count = (cells + kVisited - 1) / kVisited;
+  const torch::Tensor occupied = occupied_.nonzero().squeeze(1);
+  torch::Tensor visited = torch::zeros_like(occupied_);
+  visited.index_fill_(0, OneOfEachPart(count, cells, occupied.options()), true);
+  visited.index_fill_(0, occupied.index_select(0, OneOfEachPart(count, occupied.size(0), occupied.options())), true);
+  return visited.nonzero().squeeze(1);
 }
 
 torch::Tensor OccupancyGrid::PointsIn(const torch::Tensor& cells) const {
   const int64_t n = options_.resolution;
   const auto x = torch::div(cells, n * n, "floor"), y = torch::div(cells, n, "floor").remainder(n);
   const auto corner = torch::stack({x, y, cells.remainder(n)}, 1).to(torch::kFloat64);
-  return low_ + (corner + torch::rand_like(corner)) / n * (high_ - low_);
+  return low_ + (corner + torch::rand(corner.sizes(), density_.options())) / n * (high_ - low_);
 }
 
 void OccupancyGrid::Update(const DensityFunction& density) {

@@ -97,7 +97,7 @@ TEST_CASE("what a scene needs of the field is tried, and what is forced is not")
   const ComponentTrial& appearance = Of(trials, "field.use_appearance");
   REQUIRE(appearance.with.has_value());
   CHECK(trials.config.field.use_appearance == (appearance.on ? Choice::kOn : Choice::kOff));
-  CHECK(appearance.on == (*appearance.with - *appearance.without > 0.2));
+  CHECK(appearance.on == (*appearance.with - *appearance.without > 0.4));
 
   const ComponentTrials again = DecideComponents(scene, Request(config), detected);
   CHECK(ToJson(again) == ToJson(trials));
