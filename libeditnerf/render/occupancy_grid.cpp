@@ -14,8 +14,8 @@ namespace {
 
 constexpr int64_t kVisited = 8;  // after the warm-up an update visits one cell in so many, and as many occupied ones
 
-// An index at random from each of `count` equal parts of [0, size), all where there are no more: a random number for
-// each index would take four times as long. Two neighbours may draw the same one.
+// An index at random from each of `count` equal parts of [0, size), or all where there are no more: takes a random
+// number for each of these, not for all of the indices. Two neighbours may draw the same one.
 torch::Tensor OneOfEachPart(int64_t count, int64_t size, const torch::TensorOptions& options) {
   const torch::Tensor part = torch::arange(std::min(count, size), options.dtype(torch::kFloat64));
   if (size <= count) return part.to(options.dtype());
