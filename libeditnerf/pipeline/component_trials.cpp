@@ -24,13 +24,13 @@ namespace editnerf {
 namespace {
 
 constexpr int64_t kRays = 16384;  // held-out pixels
-// Of every trial the first, so that they differ by the component alone; the second where the first one says otherwise
-// than what is done without trials.
+// Of every trial the first, so that they differ by the component alone; the second where by the first a component is
+// needed, or local frames do harm.
 constexpr uint64_t kSeed = 1, kSecondSeed = 2;
 constexpr double kLeastGain = 0.2;   // dB
 constexpr double kCodesGain = 0.4;   // dB, of appearance codes, which early on explain what more steps would have shown
 constexpr double kMostLoss = 0.3;    // dB, of what detection found, where parts are seen
-constexpr double kMostShare = 0.15;  // of a stage's seconds that trials may take
+constexpr double kMostShare = 0.15;  // of a stage's seconds that trials may take, without those of the second seed
 constexpr int64_t kMostAmbient = 4;  // ambient coordinates that are tried
 constexpr int64_t kClocked = 10;     // steps in that number that say how long a trial will take
 
@@ -59,6 +59,7 @@ struct Compared {
   MeasuredBySeed changed;
 
   double Gain() const { return after - before; }
+  const char* Seeds() const { return changed.size() > 1 ? ", the mean of two seeds" : ""; }
 };
 
 // Those that the configuration leaves open; what gains most first.
@@ -229,7 +230,7 @@ class Decisions {
       trial.with = without.before;
       trial.without = without.after;
       trial.on = misses(without.Gain());
-      trial.reason += ", " + GainText(-without.Gain());
+      trial.reason += ", " + GainText(-without.Gain()) + without.Seeds();
       if (!trial.on) measured_ = without.changed;
     }
     if (!trial.on) {
@@ -257,7 +258,8 @@ class Decisions {
                                     [&](double gain) { return enough(gain) != component.of_parts; });
       trial.without = with.before;
       trial.with = with.after;
-      trial.reason = GainText(with.Gain(), component.least_gain) + (component.of_parts ? " where parts are seen" : "");
+      trial.reason = GainText(with.Gain(), component.least_gain) + (component.of_parts ? " where parts are seen" : "") +
+                     with.Seeds();
       trial.on = enough(with.Gain());
       if (trial.on) measured_ = with.changed;
     }

@@ -35,8 +35,8 @@ struct ComponentTrials {
   double seconds = 0;
 };
 
-// Trains train.trial_steps for every open component, and for none, with one seed, with another one where that would
-// change what is done without trials, and otherwise as the stage would be trained.
+// Trains train.trial_steps for every open component, and for none, with one seed, with another one where by that a
+// component is needed or local frames do harm, and otherwise as the stage would be trained.
 // Decided without trials, and said so, where the scene has no validation frames or the stage is too short to pay for
 // them. Leaves the random generators alone. Throws Interrupted after Ctrl-C.
 ComponentTrials DecideComponents(const Scene& scene, const StageRequest& request, const DetectedKeyPoints& detected);

@@ -130,11 +130,13 @@ TEST_CASE("local frames are judged where a part is seen that turns") {
 TEST_CASE("appearance codes are there where the light changes, and nowhere else") {
   const Config config = AllOpen(120);
   const Scene still = SmallScene("static", 8, 32), brightening = Brightening();
-  const auto needs = [&](const Scene& scene) {
-    return Of(DecideComponents(scene, Request(config), NoKeyPoints(scene)), "field.use_appearance").on;
+  const auto codes = [&](const Scene& scene) {
+    return Of(DecideComponents(scene, Request(config), NoKeyPoints(scene)), "field.use_appearance");
   };
-  CHECK_FALSE(needs(still));
-  CHECK(needs(brightening));
+  CHECK_FALSE(codes(still).on);
+  const ComponentTrial needed = codes(brightening);
+  CHECK(needed.on);
+  CHECK_THAT(needed.reason, HasText("the mean of two seeds"));
 }
 
 TEST_CASE("components are as they are while undecided where trials cannot be made, or cost too much") {

@@ -3,7 +3,6 @@
 
 #include <torch/types.h>
 #include <unistd.h>
-#include <utility>
 
 #include <filesystem>
 #include <string>
