@@ -20,6 +20,7 @@ std::vector<LadderStep> AblationLadder(const Config& config, const LadderKeyPoin
   train.lambda_motion = train.lambda_geometry = train.lambda_depth = 0;
   train.still_share = train.carried_share = 0;
   train.key_point_learning_rate = 1;  // they have a way to go
+  train.settle_after = 0;
   const auto without_turns = [](DetectedKeyPoints detected) {
     detected.turns = torch::Tensor();
     return detected;

@@ -61,6 +61,7 @@ struct StageConfig {
   bool average_weights = false;          // what is shown is their mean over about the last fifth of the steps
   double key_point_learning_rate = 1.0;  // multiplies the learning rate of key points
   double turn_learning_rate = 1e-4;      // multiplies the learning rate of local frames
+  int64_t settle_after = 0;              // steps after which both fall as one over the steps; 0: never
   double code_learning_rate = 1.0;       // multiplies the learning rate of the per-frame codes
   double shape_learning_rate = 1.0;      // multiplies the learning rate of warp field, slices and weights
   double roulette = 0;                   // see RayLoss
@@ -98,6 +99,9 @@ struct StageConfig {
       "high");
     v("key_point_learning_rate", key_point_learning_rate, "factor on the learning rate for key points", AtLeast(0));
     v("turn_learning_rate", turn_learning_rate, "factor on the learning rate for how parts turn with their key points",
+      AtLeast(0));
+    v("settle_after", settle_after,
+      "steps after which the rates of key points and of turns fall as one over the number of steps; 0 for never",
       AtLeast(0));
     v("code_learning_rate", code_learning_rate, "factor on the learning rate for per-frame codes", AtLeast(0));
     v("shape_learning_rate", shape_learning_rate,

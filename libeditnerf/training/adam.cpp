@@ -39,7 +39,7 @@ Adam::Adam(const std::vector<AdamGroup>& groups, const AdamOptions& options) : o
   for (const AdamGroup& group : groups) {
     for (const auto& [name, parameter] : group.parameters) {
       slots_.push_back({name, parameter, torch::zeros_like(parameter).detach(), torch::zeros_like(parameter).detach(),
-                        group.learning_rate_factor, group.skip_untouched, group.decay});
+                        group.learning_rate_factor, group.skip_untouched, group.decay, group.settle_after});
     }
   }
 }
@@ -54,6 +54,9 @@ void Adam::Step(double learning_rate) {
     const torch::Tensor gradient = slot.parameter.grad();
     if (!gradient.defined()) continue;
     update.rate = learning_rate * slot.factor;
+    if (slot.settle_after > 0 && steps_ > slot.settle_after) {
+      update.rate *= static_cast<double>(slot.settle_after) / static_cast<double>(steps_);
+    }
     if (slot.decay > 0) slot.parameter.mul_(1 - update.rate * slot.decay);
     if (!IsPlain(slot.parameter) || !IsPlain(gradient)) {
       StepAnywhere(update, slot.skip_untouched, gradient, slot.parameter, slot.first, slot.second);

@@ -21,6 +21,9 @@ struct AdamGroup {
   // After each step everything here is multiplied by 1 - decay * learning rate, untouched or not (decoupled weight
   // decay, Loshchilov and Hutter, ICLR 2019).
   double decay = 0;
+  // Steps after which the rate falls as this over the number of steps, so that what the noise of gradients adds up to
+  // stays bounded (Robbins and Monro, 1951); 0: never.
+  int64_t settle_after = 0;
 };
 
 struct AdamOptions {
@@ -52,6 +55,7 @@ class Adam {
     double factor;
     bool skip_untouched;
     double decay;
+    int64_t settle_after;
     bool cleared = false;  // by Step
   };
 

@@ -25,6 +25,7 @@ std::vector<AdamGroup> AdamGroupsFor(const HyperspaceField& field, const StageCo
   codes.learning_rate_factor = stage.code_learning_rate;
   key_points.learning_rate_factor = stage.key_point_learning_rate;
   turns.learning_rate_factor = stage.turn_learning_rate;
+  key_points.settle_after = turns.settle_after = stage.settle_after;
   for (const auto& item : field.named_parameters()) {
     const std::string& name = item.key();
     AdamGroup& group = Contains(name, "codes.")          ? codes

@@ -10,7 +10,7 @@
 namespace editnerf {
 
 // Networks, the networks that shape space, hash tables, per-frame codes, key points and the turns of their parts, each
-// at the stage's rate for it.
+// at the stage's rate for it; the last two settle.
 std::vector<AdamGroup> AdamGroupsFor(const HyperspaceField& field, const StageConfig& stage);
 
 AdamOptions AdamOptionsFor(const Config& config);

@@ -28,6 +28,7 @@ TEST_CASE("every parameter learns at the stage's rate for its kind, and in one g
   stage.code_learning_rate = 0.3;
   stage.shape_learning_rate = 0.4;
   stage.shade_decay = 0.5;
+  stage.settle_after = 7;
   std::map<std::string, AdamGroup> of;
   for (const AdamGroup& group : AdamGroupsFor(field, stage)) {
     for (const auto& [name, parameter] : group.parameters) CHECK(of.emplace(name, group).second);
@@ -36,6 +37,9 @@ TEST_CASE("every parameter learns at the stage's rate for its kind, and in one g
   const auto rate = [&](const std::string& name) { return of.at(name).learning_rate_factor; };
   CHECK(rate("key_points.local") == 0.1);
   CHECK(rate("local_frames.output_weight") == 0.2);
+  CHECK(of.at("key_points.local").settle_after == 7);
+  CHECK(of.at("local_frames.output_weight").settle_after == 7);
+  CHECK(of.at("fine.canonical_table").settle_after == 0);
   CHECK(rate("fine.canonical_table") == 1);
   CHECK(of.at("fine.canonical_table").skip_untouched);
   CHECK(of.at("fine.canonical_table").decay == 0);

@@ -57,6 +57,25 @@ TEST_CASE("what no gradient reaches decays as well") {
   CHECK(torch::allclose(table.detach()[1], torch::full({4}, 0.9F * 0.9F * 0.9F)));
 }
 
+TEST_CASE("what settles takes the steps of a rate that falls as one over their number") {
+  auto settling = torch::ones({3}).requires_grad_();
+  auto steady = torch::ones({3}).requires_grad_();
+  AdamGroup group;
+  group.parameters = {{"settling", settling}};
+  group.settle_after = 4;
+  Adam adam({group}, {});
+  Adam reference({{{{"steady", steady}}}}, {});
+  for (int step = 1; step <= 12; ++step) {
+    CAPTURE(step);
+    for (Adam* each : {&adam, &reference}) each->ZeroGrad();
+    (3 * settling).sum().backward();
+    (3 * steady).sum().backward();
+    adam.Step(0.01);
+    reference.Step(step <= 4 ? 0.01 : 0.01 * 4 / step);
+    CHECK(torch::allclose(settling, steady, 1e-6));
+  }
+}
+
 TEST_CASE("Adam leaves untouched entries of a table alone, on either path") {
   for (const bool contiguous : {true, false}) {
     auto table = (contiguous ? torch::ones({2, 4}) : torch::ones({4, 2}).t()).detach().requires_grad_();
@@ -75,12 +94,15 @@ TEST_CASE("Adam continues from a saved state exactly") {
   const auto run = [](int first_part) {
     torch::manual_seed(2);
     auto x = torch::randn({7}).requires_grad_();
-    auto adam = std::make_unique<Adam>(std::vector<AdamGroup>{{{{"x", x}}, 1, false}}, AdamOptions{});
+    AdamGroup group;
+    group.parameters = {{"x", x}};
+    group.settle_after = 2;
+    auto adam = std::make_unique<Adam>(std::vector<AdamGroup>{group}, AdamOptions{});
     for (int step = 0; step < 6; ++step) {
       if (step == first_part) {
         std::map<std::string, torch::Tensor> state;
         for (const auto& [name, tensor] : adam->State()) state[name] = tensor.clone();
-        adam = std::make_unique<Adam>(std::vector<AdamGroup>{{{{"x", x}}, 1, false}}, AdamOptions{});
+        adam = std::make_unique<Adam>(std::vector<AdamGroup>{group}, AdamOptions{});
         adam->LoadState(state);
       }
       adam->ZeroGrad();
