@@ -7,6 +7,7 @@
 
 #include "libeditnerf/base/error.h"
 #include "libeditnerf/base/shape.h"
+#include "libeditnerf/field/hinge_way.h"
 #include "libeditnerf/geometry/se3.h"
 
 namespace editnerf {
@@ -19,6 +20,8 @@ constexpr double kHiddenScale = 1.5;
 // Of the squared weights, for each frame: turns are known to a fifth of a degree, and are met to a twentieth. A hundred
 // times as much leaves up to two degrees.
 constexpr double kRidge = 1e-5;
+// How far the way of a hinge is continued, share of it: the layer alone is a degree off a tenth beyond its end.
+constexpr double kBeyond = 0.2;
 
 }  // namespace
 
@@ -37,18 +40,25 @@ LocalFramesImpl::LocalFramesImpl(const torch::Tensor& coordinates, const torch::
   if (!turns.isfinite().all().item<bool>() || !coordinates.isfinite().all().item<bool>()) {
     Throw<DataError>("local frames: turns or key points that are not finite");
   }
-  // Least squares for the output layer, with a little weight decay and without any for the bias.
+  for (int64_t i = 0; i < num_key_points(); ++i) Fit(i, coordinates.select(1, i), turns.select(1, i));
+}
+
+// Least squares for the output layer, with a little weight decay and without any for the bias.
+void LocalFramesImpl::Fit(int64_t key_point, const torch::Tensor& coordinates, const torch::Tensor& turns) {
   const torch::NoGradGuard no_grad;
-  const torch::Tensor hidden = Hidden(coordinates.detach().to(torch::kFloat32)).to(torch::kFloat64);
-  const torch::Tensor mean = hidden.mean(1, true), features = hidden - mean;
-  const torch::Tensor known = turns.detach().to(torch::kFloat64).transpose(0, 1), middle = known.mean(1, true);
-  const auto frames = static_cast<double>(turns.size(0));
-  const torch::Tensor square =
-      torch::matmul(features.transpose(1, 2), features) + kRidge * frames * torch::eye(kHidden, torch::kFloat64);
-  const torch::Tensor weight =
-      torch::matmul(torch::linalg_inv(square), torch::matmul(features.transpose(1, 2), known - middle));
-  output_weight_.copy_(weight);
-  output_bias_.copy_(middle - torch::matmul(mean, weight));
+  const HingeWay beyond = BeyondHinge(coordinates.detach(), turns.detach(), kBeyond);
+  const torch::Tensor at =
+      torch::cat({coordinates.detach().to(torch::kFloat32), beyond.coordinates.to(torch::kFloat32)});
+  const torch::Tensor known = torch::cat({turns.detach().to(torch::kFloat64), beyond.turns}),
+                      middle = known.mean(0, true);
+  const torch::Tensor hidden =
+      torch::tanh(torch::matmul(at, hidden_weight_[key_point]) + hidden_bias_[key_point]).to(torch::kFloat64);
+  const torch::Tensor mean = hidden.mean(0, true), features = hidden - mean;
+  const torch::Tensor square = torch::matmul(features.t(), features) +
+                               kRidge * static_cast<double>(at.size(0)) * torch::eye(kHidden, torch::kFloat64);
+  const torch::Tensor weight = torch::matmul(torch::linalg_inv(square), torch::matmul(features.t(), known - middle));
+  output_weight_[key_point].copy_(weight);
+  output_bias_[key_point].copy_(middle - torch::matmul(mean, weight));
 }
 
 torch::Tensor LocalFramesImpl::Hidden(const torch::Tensor& coordinates) const {

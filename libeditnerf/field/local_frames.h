@@ -22,7 +22,8 @@ class LocalFramesImpl : public torch::nn::Module {
   explicit LocalFramesImpl(int64_t num_key_points);
 
   // Fitted to known turns: coordinates [T, N, 3] local, turns [T, N, 3] rotation vectors in radians, from the part's
-  // own axes to the scene's. Throws ShapeError, and DataError unless all are finite.
+  // own axes to the scene's; those of a hinge beyond the ends of its way as well (hinge_way.h). Throws ShapeError, and
+  // DataError unless all are finite.
   LocalFramesImpl(const torch::Tensor& coordinates, const torch::Tensor& turns);
 
   // coordinates [F, N, 3] -> R [F, N, 3, 3], from scene axes to the parts' own. Throws ShapeError.
@@ -34,7 +35,8 @@ class LocalFramesImpl : public torch::nn::Module {
   int64_t num_key_points() const { return hidden_weight_.size(0); }
 
  private:
-  torch::Tensor Hidden(const torch::Tensor& coordinates) const;  // [N, F, H]
+  void Fit(int64_t key_point, const torch::Tensor& coordinates, const torch::Tensor& turns);  // [T, 3]
+  torch::Tensor Hidden(const torch::Tensor& coordinates) const;                               // [N, F, H]
 
   torch::Tensor hidden_weight_, hidden_bias_;  // [N, 3, H], [N, 1, H]
   torch::Tensor output_weight_, output_bias_;  // [N, H, 3], [N, 1, 3]
