@@ -12,10 +12,12 @@ namespace editnerf {
 namespace {
 
 constexpr int64_t kFramesLookedAt = 40;
-constexpr double kSameHue = 0.05;  // largest difference of a colour's logarithm from the mean of the three
-constexpr double kDarkest = 4;     // of 255, added to both colours
-constexpr double kBefore = 0.97;   // share of the distance, within which something stands before a place
-constexpr int64_t kReach = 2;      // of a patch, pixels
+// Largest difference of a colour's logarithm from the mean of the three; in the shade light comes from elsewhere, and
+// has another hue the more of the lamp's is missing.
+constexpr double kSameHue = 0.05, kHueOfShade = 0.1;
+constexpr double kDarkest = 4;    // of 255, added to both colours
+constexpr double kBefore = 0.97;  // share of the distance, within which something stands before a place
+constexpr int64_t kReach = 2;     // of a patch, pixels
 constexpr int64_t kGrain = 256;
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
@@ -58,7 +60,8 @@ bool NothingBefore(const torch::Tensor& depth, int64_t column, int64_t row, doub
 float Lighter(const LogColor& was, const LogColor& is) {
   const LogColor by = {is[0] - was[0], is[1] - was[1], is[2] - was[2]};
   const double mean = (by[0] + by[1] + by[2]) / 3;
-  const bool same_hue = std::all_of(by.begin(), by.end(), [&](double b) { return std::abs(b - mean) < kSameHue; });
+  const bool same_hue = std::all_of(
+      by.begin(), by.end(), [&](double b) { return std::abs(b - mean) < kSameHue + kHueOfShade * std::abs(mean); });
   return same_hue ? static_cast<float>(mean) : kUnknown;
 }
 

@@ -14,7 +14,8 @@ std::vector<int64_t> FramesLookedAt(const Clip& clip);
 
 // The logarithm of how much lighter each of P places is in each of L frames than in its own, and than the others are
 // there: what is exposed otherwise as a whole is as light as before. [P * L], row by row. NaN where that is not known:
-// where the patch of 5 x 5 pixels has another hue, something nearer in the clip's depth before it, or no room.
+// where the patch of 5 x 5 pixels has another hue than shade explains, something nearer in the clip's depth before it,
+// or no room.
 std::vector<float> LightOfPlaces(const Clip& clip, const DepthTargets& places, const std::vector<int64_t>& frames);
 
 }  // namespace editnerf

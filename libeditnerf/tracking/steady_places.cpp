@@ -10,10 +10,11 @@
 namespace editnerf {
 namespace {
 
-constexpr double kBeside = 8;           // pixels at 320 wide, to each side: parts are known every six pixels
-constexpr double kAsFar = 0.03;         // share of the distance
-constexpr double kLeastFrames = 0.075;  // share of these
-constexpr double kMuchLight = 0.1;      // logarithm of how much lighter or darker
+constexpr double kBeside = 8;          // pixels at 320 wide, to each side: parts are known every six pixels
+constexpr double kAsFar = 0.03;        // share of the distance
+constexpr double kLeastShare = 0.075;  // of the frames in which a place is seen
+constexpr int64_t kLeastFrames = 2;
+constexpr double kMuchLight = 0.1;  // logarithm of how much lighter or darker
 constexpr int64_t kGrain = 256;
 
 class KnownPlaces {
@@ -63,13 +64,14 @@ void FindOnParts(const Clip& clip, const DepthTargets& parts, const KnownPlaces&
 void FindOtherLight(const Clip& clip, const DepthTargets& still, std::vector<char>* unsteady) {
   const std::vector<int64_t> frames = FramesLookedAt(clip);
   const size_t looks = frames.size();
-  const auto least = static_cast<int64_t>(std::ceil(kLeastFrames * static_cast<double>(looks)));
   const std::vector<float> light = LightOfPlaces(clip, still, frames);
   for (size_t i = 0; i < unsteady->size(); ++i) {
-    const auto own = light.begin() + static_cast<std::ptrdiff_t>(i * looks);
-    const auto other = std::count_if(own, own + static_cast<std::ptrdiff_t>(looks),
-                                     [](float by) { return std::abs(by) > static_cast<float>(kMuchLight); });
-    (*unsteady)[i] = static_cast<char>(other >= least);
+    const auto own = light.begin() + static_cast<std::ptrdiff_t>(i * looks),
+               end = own + static_cast<std::ptrdiff_t>(looks);
+    const auto seen = std::count_if(own, end, [](float by) { return !std::isnan(by); });
+    const auto other = std::count_if(own, end, [](float by) { return std::abs(by) > static_cast<float>(kMuchLight); });
+    const auto least = static_cast<int64_t>(std::ceil(kLeastShare * static_cast<double>(seen)));
+    (*unsteady)[i] = static_cast<char>(other >= std::max(kLeastFrames, least));
   }
 }
 

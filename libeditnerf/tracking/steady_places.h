@@ -13,8 +13,8 @@ namespace editnerf {
 
 // Marks the others among `still`, whose distances hold as before, and returns how many they are:
 //   - kNotCarried: places beside one of `parts` in its frame, as far away;
-//   - kOtherLight: places that some of the clip's frames see darker or lighter than the rest of the scene is there
-//     (place_light.h).
+//   - kOtherLight: places that some of the frames that see them see darker or lighter than the rest of the scene is
+//     there (place_light.h).
 int64_t MarkUnsteadyPlaces(const Clip& clip, const DepthTargets& parts, DepthTargets* still);
 
 }  // namespace editnerf

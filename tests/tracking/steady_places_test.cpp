@@ -12,7 +12,7 @@ namespace {
 constexpr int64_t kFrames = 20, kWidth = 64, kHeight = 48;
 
 // A camera that rests before a wall at distance 2, with noise for a picture.
-Clip Wall() {
+Clip Wall(int64_t frames = kFrames) {
   torch::manual_seed(5);
   const torch::Tensor picture = torch::randint(90, 160, {kHeight, kWidth, 3}, torch::kFloat32);
   Camera camera;
@@ -23,7 +23,7 @@ Clip Wall() {
   Clip clip;
   clip.width = kWidth;
   clip.height = kHeight;
-  for (int64_t t = 0; t < kFrames; ++t) {
+  for (int64_t t = 0; t < frames; ++t) {
     clip.cameras.push_back(camera);
     clip.images.push_back(picture.to(torch::kUInt8));
     clip.depth.push_back(torch::full({kHeight, kWidth}, 2.0F));
@@ -70,6 +70,25 @@ TEST_CASE("places over which a shadow passes are not steady; those behind someth
   DepthTargets places = PlaceAt({12, 32, 52, 1}, 20, 2);  // the last without room for a patch
   CHECK(MarkUnsteadyPlaces(clip, {}, &places) == 1);
   CHECK(Marks(places) == std::vector<int64_t>{kOtherLight, kStandsStill, kStandsStill, kStandsStill});
+}
+
+TEST_CASE("shade that the sky lights in another hue is shade") {
+  Clip clip = Wall();
+  Paint(&clip, 4, 8, 12, torch::tensor({0.45F, 0.48F, 0.53F}));
+  Paint(&clip, 24, 8, 12, torch::tensor({0.85F, 0.96F, 1.05F}));  // as much of a hue, and hardly darker
+  DepthTargets places = PlaceAt({12, 32, 52}, 20, 2);
+  CHECK(MarkUnsteadyPlaces(clip, {}, &places) == 1);
+  CHECK(Marks(places) == std::vector<int64_t>{kOtherLight, kStandsStill, kStandsStill});
+}
+
+TEST_CASE("how often a place is in the shade counts among the frames that see it") {
+  constexpr int64_t kMany = 60;
+  Clip clip = Wall(kMany);
+  for (const int64_t column : {4, 24}) Paint(&clip, column, 8, 11, torch::tensor({0.6F, 0.6F, 0.6F}));
+  for (size_t t = 30; t < kMany; ++t) clip.depth[t].slice(0, 10, 30).slice(1, 4, 20).fill_(1.5F);
+  DepthTargets places = PlaceAt({12, 32, 46, 52, 56}, 20, 2);
+  CHECK(MarkUnsteadyPlaces(clip, {}, &places) == 1);
+  CHECK(Marks(places) == std::vector<int64_t>{kOtherLight, kStandsStill, kStandsStill, kStandsStill, kStandsStill});
 }
 
 TEST_CASE("what stands before a place and is as grey as it does not count as its shade") {
