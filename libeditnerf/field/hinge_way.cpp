@@ -45,25 +45,26 @@ HingeWay BeyondHinge(const torch::Tensor& coordinates, const torch::Tensor& turn
   CheckShape(turns, {coordinates.size(0), 3}, "turns of a hinge's way");
   const torch::NoGradGuard no_grad;
   const torch::Tensor points = coordinates.to(torch::kCPU, torch::kFloat64), known = turns.to(points.options());
-  const HingeWay nothing = {points.slice(0, 0, 0), known.slice(0, 0, 0)};
-  if (points.size(0) < 2) return nothing;
+  HingeWay way = {points.slice(0, 0, 0), known.slice(0, 0, 0)};
+  if (points.size(0) < 2) return way;
 
   const torch::Tensor axis = std::get<1>(torch::linalg_eigh(torch::matmul(known.t(), known))).select(1, 2);
   const torch::Tensor angle = torch::matmul(known, axis);
   const double low = angle.min().item<double>(), high = angle.max().item<double>(), range = high - low;
   const double beyond = std::min(share * range, M_PI - range / 2);
-  if (range < kLeastAngle || beyond <= 0) return nothing;
+  if (range < kLeastAngle || beyond <= 0) return way;
   const torch::Tensor about = angle.unsqueeze(1) * axis;
-  if (RootMeanSquare(known - about) > kMostOff * range) return nothing;
+  if (RootMeanSquare(known - about) > kMostOff * range) return way;
   const torch::Tensor rotations = Rotations(about);
   const Arc arc(points, rotations);
   const double radius = torch::linalg_cross(axis, arc.arm.squeeze(1)).norm().item<double>();
-  if (RootMeanSquare(arc.At(rotations) - points) > kMostOff * range * radius) return nothing;
+  if (RootMeanSquare(arc.At(rotations) - points) > kMostOff * range * radius) return way;
 
   const auto rows = static_cast<int64_t>(std::ceil(share * static_cast<double>(points.size(0))));
   const torch::Tensor further = beyond * torch::arange(1, rows + 1, points.options()) / static_cast<double>(rows);
   const torch::Tensor added = torch::cat({low - further, high + further}).unsqueeze(1) * axis;
-  return {arc.At(Rotations(added)), added};
+  way = {arc.At(Rotations(added)), added};
+  return way;
 }
 
 }  // namespace editnerf
