@@ -14,8 +14,8 @@ namespace editnerf {
 namespace {
 
 constexpr double kLeastAngle = 10 * M_PI / 180;
-constexpr double kMostOff =
-    0.02;  // root mean square, share of the way: of turns off the axis, of the point off its arc
+// Of turns from the axis and of the point from its arc: root mean square, share of the way.
+constexpr double kMostOff = 0.02;
 
 // exp([r]) for turns [T, 3]: [T, 3, 3].
 torch::Tensor Rotations(const torch::Tensor& turns) {
