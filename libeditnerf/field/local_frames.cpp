@@ -23,6 +23,10 @@ constexpr double kRidge = 1e-5;
 // How far the way of a hinge is continued, share of it: the layer alone is a degree off a tenth beyond its end.
 constexpr double kBeyond = 0.2;
 
+torch::Tensor HiddenLayer(const torch::Tensor& coordinates, const torch::Tensor& weight, const torch::Tensor& bias) {
+  return torch::tanh(torch::matmul(coordinates, weight) + bias);
+}
+
 }  // namespace
 
 LocalFramesImpl::LocalFramesImpl(int64_t num_key_points) {
@@ -51,8 +55,7 @@ void LocalFramesImpl::Fit(int64_t key_point, const torch::Tensor& coordinates, c
       torch::cat({coordinates.detach().to(torch::kFloat32), beyond.coordinates.to(torch::kFloat32)});
   const torch::Tensor known = torch::cat({turns.detach().to(torch::kFloat64), beyond.turns}),
                       middle = known.mean(0, true);
-  const torch::Tensor hidden =
-      torch::tanh(torch::matmul(at, hidden_weight_[key_point]) + hidden_bias_[key_point]).to(torch::kFloat64);
+  const torch::Tensor hidden = HiddenLayer(at, hidden_weight_[key_point], hidden_bias_[key_point]).to(torch::kFloat64);
   const torch::Tensor mean = hidden.mean(0, true), features = hidden - mean;
   const torch::Tensor square = torch::matmul(features.t(), features) +
                                kRidge * static_cast<double>(at.size(0)) * torch::eye(kHidden, torch::kFloat64);
@@ -62,7 +65,7 @@ void LocalFramesImpl::Fit(int64_t key_point, const torch::Tensor& coordinates, c
 }
 
 torch::Tensor LocalFramesImpl::Hidden(const torch::Tensor& coordinates) const {
-  return torch::tanh(torch::matmul(coordinates.transpose(0, 1), hidden_weight_) + hidden_bias_);
+  return HiddenLayer(coordinates.transpose(0, 1), hidden_weight_, hidden_bias_);
 }
 
 torch::Tensor LocalFramesImpl::RotationVectors(const torch::Tensor& coordinates) {
