@@ -10,8 +10,7 @@
 #include "libeditnerf/tracking/even_choice.h"
 #include "libeditnerf/tracking/hinge_search.h"
 #include "libeditnerf/tracking/part_alignment.h"
-#include "libeditnerf/tracking/part_hinge.h"
-#include "libeditnerf/tracking/part_rail.h"
+#include "libeditnerf/tracking/part_held.h"
 #include "libeditnerf/tracking/part_reversal.h"
 #include "libeditnerf/tracking/part_scale.h"
 #include "libeditnerf/tracking/stillness.h"
@@ -28,22 +27,9 @@ constexpr size_t kFewPoints = 40, kMostPoints = 90;  // in a solution on the way
 constexpr size_t kAlignedPoints = 200;               // likewise, once their tracks are exact enough to be worth it
 constexpr int kFewIterations = 15;
 constexpr double kNearest = 0.75, kFarthest = 1.33;  // of a point, as a share of the part's distance
-constexpr double kHeldDistances[] = {0.8, 1, 1.25};  // times that of the part, from which a rail or hinge is looked for
 constexpr double kKeptShare = 0.9;                   // of the pixels that must go on to follow the part
 
 size_t At(int64_t t) { return static_cast<size_t>(t); }
-
-// From the rail or the hinge nearest to the part's poses.
-std::optional<double> SolveHeld(const Clip& clip, const std::vector<FlowTrack>& tracks,
-                                const PartSolverOptions& options, RigidPart* part) {
-  const std::vector<int64_t> frames = SeenFrames(*part);
-  if (part->motion == PartMotion::kHinge) {
-    std::optional<Hinge> hinge = NearestHinge(*part, frames);
-    return hinge ? SolveHinge(clip, tracks, options, frames, &*hinge, part) : std::nullopt;
-  }
-  std::optional<Rail> rail = NearestRail(*part, frames);
-  return rail ? SolveRail(clip, tracks, options, frames, &*rail, part) : std::nullopt;
-}
 
 }  // namespace
 
@@ -298,7 +284,7 @@ bool PartFit::Become(PartMotion motion) {
   bool solved = false;
   if (IsHeld(motion)) {
     const std::vector<PartPoint> rest = SetAside(kMostPoints);
-    if (const std::optional<RigidPart> held = OnBest(motion)) {
+    if (const std::optional<RigidPart> held = HeldBy(clip_, tracks_, options_, part_, motion)) {
       part_ = *held;
       UpdatePlacements();
       solved = TakeBack(rest);
@@ -324,23 +310,6 @@ bool PartFit::Simplify(PartMotion motion, double most_miss) {
   return false;
 }
 
-// Free motion leaves the distance open, so that its rail or hinge stands still at one distance only: several are begun
-// from, each solved twice, as the first time points are held to a centre at that distance.
-std::optional<RigidPart> PartFit::OnBest(PartMotion motion) const {
-  std::optional<RigidPart> best;
-  double least = INFINITY;
-  for (const double s : kHeldDistances) {
-    RigidPart trial = ScaledFromCameras(clip_, part_, s);
-    trial.motion = motion;
-    if (!SolveHeld(clip_, tracks_, options_, &trial)) continue;
-    const std::optional<double> cost = SolveHeld(clip_, tracks_, options_, &trial);
-    if (!cost || *cost >= least) continue;
-    least = *cost;
-    best = std::move(trial);
-  }
-  return best;
-}
-
 void PartFit::GoOn(const RigidPart& part) {
   part_ = part;
   placement_.resize(At(clip_.num_frames()));
@@ -355,8 +324,32 @@ bool PartFit::SolveAgain() {
   return solved && TakeBack(rest);
 }
 
+std::vector<int64_t> PartFit::EmptyFrames() const {
+  std::vector<int> following(part_.seen.size(), 0);
+  for (const PartPoint& point : part_.points) {
+    const std::vector<int> of_point = Following(point);
+    for (size_t t = 0; t < following.size(); ++t) following[t] += of_point[t];
+  }
+  std::vector<int64_t> empty;
+  for (const int64_t t : SeenFrames(part_))
+    if (t != part_.reference && following[At(t)] < kLeastSeen) empty.push_back(t);
+  return empty;
+}
+
+// Of a part that is held, whose way between two frames is known. What robust least squares has lost it does not find
+// again by itself, as all that it could see counts as outliers.
+void PartFit::TakeEmptyBetween() {
+  if (!IsHeld(part_.motion)) return;
+  RigidPart known = part_;
+  for (const int64_t t : EmptyFrames()) known.seen[At(t)] = false;
+  FillUnseen(&known);
+  part_.pose = known.pose;
+  UpdatePlacements();
+}
+
 bool PartFit::Align(std::vector<FlowTrack>* tracks) {
   const RigidPart before = part_;
+  TakeEmptyBetween();
   std::vector<std::vector<FlowTrack>> aligned(part_.points.size());
   ParallelFor(static_cast<int64_t>(aligned.size()), 4, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) aligned[At(i)] = AlignPoint(clip_, tracks_, part_, part_.points[At(i)]);
@@ -385,14 +378,8 @@ bool PartFit::FindLost() {
 RigidPart PartFit::Finished() const {
   RigidPart part = part_;
   part.observations = Observations();
-  const std::vector<int64_t> seen = SeenFrames(part_);
-  for (int64_t t = 0; t < clip_.num_frames(); ++t) {
-    const auto nearest = std::min_element(seen.begin(), seen.end(),
-                                          [t](int64_t a, int64_t b) { return std::abs(a - t) < std::abs(b - t); });
-    part.pose[At(t)] = part_.pose[At(*nearest)];
-  }
-  if (part.motion == PartMotion::kHinge) FillAngles(&part);
-  if (part.motion == PartMotion::kRail) FillShifts(&part);
+  for (const int64_t t : EmptyFrames()) part.seen[At(t)] = false;
+  FillUnseen(&part);
   return part;
 }
 

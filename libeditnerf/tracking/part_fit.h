@@ -105,11 +105,12 @@ class PartFit {
   std::vector<int> Following(const PartPoint& point) const;  // pixels that follow in each frame
   bool Solve(size_t most_points, int iterations);
   bool SolveAgain();
-  std::optional<RigidPart> OnBest(PartMotion motion) const;
   std::vector<PartPoint> SetAside(size_t most_points);
   std::optional<double> SolvePoints(int iterations);
   bool TakeBack(const std::vector<PartPoint>& rest);
   bool Prune();
+  std::vector<int64_t> EmptyFrames() const;  // known ones but for the reference frame, in which too few pixels follow
+  void TakeEmptyBetween();
   void UpdatePlacement(int64_t t);
   void UpdatePlacements();
 

@@ -9,6 +9,7 @@
 
 #include "libeditnerf/tracking/cost_terms.h"
 #include "libeditnerf/tracking/part_costs.h"
+#include "libeditnerf/tracking/part_rest.h"
 
 namespace editnerf {
 namespace {
@@ -92,7 +93,7 @@ std::optional<double> SolveHinge(const Clip& clip, const std::vector<FlowTrack>&
   Hinge solved = *hinge;
   std::vector<PartPoint> points = part->points;
   std::array<double, 3> axis = ToArray(hinge->axis), through = ToArray(hinge->through);
-  const double distance = std::max(1e-6, Norm(part->center - clip.cameras[At(part->reference)].position));
+  const double distance = DistanceOf(clip, *part);
   ceres::Problem problem;
   const auto angle = [&solved](int64_t t) { return &solved.angle[At(t)]; };
   ForTrackedPixels(clip, tracks, options, frames, &points,

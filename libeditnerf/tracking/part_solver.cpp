@@ -8,11 +8,10 @@
 
 #include "libeditnerf/tracking/cost_terms.h"
 #include "libeditnerf/tracking/part_costs.h"
+#include "libeditnerf/tracking/part_rest.h"
 
 namespace editnerf {
 namespace {
-
-constexpr double kStill = 0.02;  // pixels at 320 wide, a frame, of a part at rest
 
 size_t At(int64_t t) { return static_cast<size_t>(t); }
 
@@ -38,8 +37,8 @@ class Solver {
  public:
   Solver(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options, RigidPart* part)
       : clip_(clip), tracks_(tracks), options_(options), part_(*part) {
-    distance_ = std::max(1e-6, Norm(part->center - clip.cameras[At(part->reference)].position));
-    per_pixel_ = distance_ / clip.cameras[0].focal_length * clip.PixelScale();
+    distance_ = DistanceOf(clip, *part);
+    per_pixel_ = PixelAt(clip, distance_);
   }
 
   int64_t AddPixels(const std::vector<int64_t>& frames) {
@@ -59,10 +58,10 @@ class Solver {
   void AddSmoothness(const std::vector<int64_t>& frames) {
     for (size_t i = 0; i + 1 < frames.size(); ++i) {
       const int64_t a = frames[i], b = frames[i + 1];
-      if (Rests(frames, i)) {
-        problem_.AddResidualBlock(DifferenceTerm<3>::New(1 / (kStill * per_pixel_)), nullptr, Translation(a),
+      if (RestsAt(clip_, part_, options_, frames, i)) {
+        problem_.AddResidualBlock(DifferenceTerm<3>::New(1 / (kStillPixels * per_pixel_)), nullptr, Translation(a),
                                   Translation(b));
-        problem_.AddResidualBlock(DifferenceTerm<3>::New(distance_ / (kStill * per_pixel_)), nullptr, Rotation(a),
+        problem_.AddResidualBlock(DifferenceTerm<3>::New(distance_ / (kStillPixels * per_pixel_)), nullptr, Rotation(a),
                                   Rotation(b));
         continue;
       }
@@ -75,25 +74,6 @@ class Solver {
                                 new ceres::HuberLoss(kRobustPixels), Translation(a - 1), Translation(a),
                                 Translation(b));
     }
-  }
-
-  // Whether the part's way around the step from frame i of the list to the next is that of one at rest.
-  bool Rests(const std::vector<int64_t>& frames, size_t i) const {
-    constexpr size_t kAround = 3;
-    if (options_.rest_pixels == 0) return false;
-    const size_t first = i > kAround ? i - kAround : 0, last = std::min(frames.size() - 1, i + 1 + kAround);
-    const double most = options_.rest_pixels * per_pixel_;
-    return Way(frames[first], frames[last]) < most * static_cast<double>(frames[last] - frames[first]) &&
-           Way(frames[i], frames[i + 1]) < 2 * most;
-  }
-
-  // How far the part goes, where a way to or from the camera, of which images tell little, counts for less.
-  double Way(int64_t a, int64_t b) const {
-    constexpr double kInDepth = 0.25;
-    const Vec3 from = part_.Place(a, part_.center), way = part_.Place(b, part_.center) - from;
-    const Vec3 axis = Normalized(from - clip_.cameras[At(a)].position);
-    const double along = Dot(way, axis);
-    return std::hypot(Norm(way - along * axis), kInDepth * along);
   }
 
   void AddTurn(int64_t a, int64_t b) {

@@ -14,6 +14,8 @@ const char* NameOf(PartMotion motion) {
       return "freely";
     case PartMotion::kNoTurns:
       return "without turns";
+    case PartMotion::kPlane:
+      return "on a plane";
     case PartMotion::kRail:
       return "on a rail";
     case PartMotion::kHinge:

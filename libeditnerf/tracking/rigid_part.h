@@ -26,14 +26,15 @@ struct PartPoint {
 enum class PartMotion {
   kFree,
   kNoTurns,  // goes anywhere
-  kRail,     // along one line that stands still in the scene, and does not turn (part_rail.h)
+  kPlane,    // on one plane that stands still in the scene, and does not turn (part_slide.h)
+  kRail,     // along one line that stands still in the scene, and does not turn (part_slide.h)
   kHinge,    // about one axis that stands still in the scene (part_hinge.h)
 };
 
-const char* NameOf(PartMotion motion);  // "freely", "without turns", "on a rail", "on a hinge"
+const char* NameOf(PartMotion motion);  // "freely", "without turns", "on a plane", "on a rail", "on a hinge"
 
-// Whether it moves in one way only: at a distance that is wrong it could not.
-inline bool IsHeld(PartMotion motion) { return motion == PartMotion::kRail || motion == PartMotion::kHinge; }
+// Whether it stays on what stands still: at a distance that is wrong it could not.
+inline bool IsHeld(PartMotion motion) { return motion != PartMotion::kFree && motion != PartMotion::kNoTurns; }
 
 struct RigidPart {
   int64_t reference = 0;          // frame whose pose is the identity

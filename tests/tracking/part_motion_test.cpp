@@ -38,8 +38,19 @@ TEST_CASE("a part that slides along a line is put on a rail, and is where it bel
   for (const RigidPose& pose : part.pose) CHECK(Norm(ToVec3(pose.rotation)) == 0);
 }
 
-TEST_CASE("a part that roams is put on neither rail nor hinge", "[part_motion]") {
+TEST_CASE("a part that roams on a plane is put on it", "[part_motion]") {
   DriftingPart drifting({DriftingPart::kRadius, Roaming});
+  const RigidPart part = FollowByLooks(drifting.clip, drifting.part, kRange, &drifting.tracks);
+  CHECK(part.motion == PartMotion::kPlane);
+  CHECK(drifting.Astray(part) < 0.25 * drifting.Astray(drifting.part));
+}
+
+TEST_CASE("a part that goes about in three dimensions is held to nothing", "[part_motion]") {
+  const auto rising = [](int64_t t) {
+    const double share = std::clamp((static_cast<double>(t) - 30) / 8, 0.0, 1.0);
+    return Roaming(t) + Vec3{-0.1 * share, 0, 0.15 * share};
+  };
+  DriftingPart drifting({DriftingPart::kRadius, rising});
   const RigidPart part = FollowByLooks(drifting.clip, drifting.part, kRange, &drifting.tracks);
   CHECK(part.motion == PartMotion::kNoTurns);
   CHECK(drifting.Astray(part) < 0.6 * drifting.Astray(drifting.part));

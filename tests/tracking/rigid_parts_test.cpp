@@ -1,114 +1,27 @@
-// Rigid parts fitted to exact tracks with a little noise: cameras on a path with steps of its own, a body that slides
-// and rests or turns to and fro, and depth maps that are a third off.
+// Rigid parts fitted to exact tracks with a little noise, of a body that slides and rests or turns to and fro.
 #include <cmath>
 #include <random>
 
 #include "libeditnerf/tracking/moving_parts.h"
 #include "libeditnerf/tracking/part_candidates.h"
 #include "libeditnerf/tracking/part_hinge.h"
-#include "libeditnerf/tracking/part_rail.h"
 #include "libeditnerf/tracking/part_reversal.h"
 #include "libeditnerf/tracking/part_scale.h"
 #include "libeditnerf/tracking/part_solver.h"
 #include "libeditnerf/tracking/stillness.h"
 #include "tests/catch.h"
+#include "tests/tracking/tracked_body.h"
 
 using namespace editnerf;
-
-namespace {
-
-constexpr int64_t kFrames = 60, kWidth = 320, kHeight = 180;
-constexpr double kPi = 3.14159265358979323846;
-
-Camera CameraAt(int64_t t) {
-  const double angle = 0.25 * std::sin(0.11 * static_cast<double>(t)) + 0.05 * std::sin(0.9 * static_cast<double>(t));
-  Camera camera;
-  camera.position = {std::sin(angle), 0.06 * std::cos(0.5 * static_cast<double>(t)), -std::cos(angle)};
-  const Vec3 axis = Normalized(-camera.position), right = Normalized(Cross({0, 1, 0}, axis));
-  const Vec3 down = Cross(axis, right);
-  camera.orientation = {{right.x, right.y, right.z, down.x, down.y, down.z, axis.x, axis.y, axis.z}};
-  camera.focal_length = 300;
-  camera.principal_point = {160, 90};
-  camera.width = kWidth, camera.height = kHeight;
-  return camera;
-}
-
-// Slides for half of the time, and rests.
-Vec3 Shift(int64_t t) {
-  const double s = std::min(1.0, std::max(0.0, (static_cast<double>(t) - 10) / 15)) -
-                   std::min(1.0, std::max(0.0, (static_cast<double>(t) - 40) / 15));
-  return {0.2 * s, -0.05 * s, 0.1 * s};
-}
-
-// A lid's way: about an axis through the body's side.
-Vec3 Turned(const Vec3& p, int64_t t) {
-  const double angle = 0.9 * 0.5 * (1 - std::cos(2 * kPi * static_cast<double>(t) / 30));
-  const double x = p.x + 0.15, c = std::cos(angle), s = std::sin(angle);
-  return {c * x + s * p.z - 0.15, p.y, -s * x + c * p.z};
-}
-
-struct Body {
-  std::vector<Vec3> points;
-  std::vector<FlowTrack> tracks;
-  Clip clip;
-
-  template <class Motion>
-  explicit Body(const Motion& motion, double noise = 0.2) {
-    std::mt19937 random(7);
-    std::uniform_real_distribution<double> unit(-1, 1);
-    std::normal_distribution<double> error(0, noise);
-    clip.width = kWidth, clip.height = kHeight;
-    for (int64_t t = 0; t < kFrames; ++t) {
-      clip.cameras.push_back(CameraAt(t));
-      // A third too far, and differently so from frame to frame: nothing agrees.
-      clip.depth.push_back(torch::full({kHeight, kWidth}, 1.33 + 0.3 * std::sin(static_cast<double>(t))));
-      clip.gray.push_back(torch::zeros({kHeight, kWidth}));
-    }
-    for (int i = 0; i < 60; ++i) points.push_back({0.12 * unit(random), 0.08 * unit(random), 0.06 * unit(random)});
-    for (size_t i = 0; i < points.size(); ++i) {
-      FlowTrack track;
-      track.first = static_cast<int64_t>(i % 4) * 5;  // they begin and end at different times
-      track.seed = track.first + 10;
-      const int64_t end = kFrames - static_cast<int64_t>(i % 3) * 8;
-      for (int64_t t = track.first; t < end; ++t) {
-        const Projected at = Project(clip.cameras[static_cast<size_t>(t)], motion(points[i], t));
-        track.pixel.push_back({at.u + error(random), at.v + error(random)});
-      }
-      tracks.push_back(track);
-    }
-  }
-
-  RigidPart Fit(int64_t frame = 20) {
-    std::vector<bool> taken(tracks.size(), false);
-    const Pixel seed = tracks[0].At(frame);
-    GrowthOptions options;
-    options.range = {0.5, 3};
-    std::optional<RigidPart> part = GrowPart(clip, nullptr, {frame, seed, 1.3}, &tracks, &taken, options);
-    REQUIRE(part.has_value());
-    return *part;
-  }
-};
-
-template <class Motion>
-double WorstError(const Body& body, const RigidPart& part, const Motion& motion) {
-  double worst = 0;
-  for (const PartPoint& point : part.points)
-    for (int64_t t = 0; t < kFrames; ++t)
-      worst = std::max(worst, Norm(part.Place(t, ToVec3(point.position)) - motion(body.points[point.tracks[0]], t)));
-  return worst;
-}
-
-Vec3 Slide(const Vec3& p, int64_t t) { return p + Shift(t); }
-
-}  // namespace
+using namespace editnerf::tracked;
 
 TEST_CASE("a part that slides and rests is found at its true distance, without turns") {
-  Body body(Slide);
+  Body body(Slid);
   const RigidPart part = body.Fit();
   CHECK(part.points.size() >= 55);
   CHECK_FALSE(part.turns());
   CHECK(SeenFrames(part).size() == kFrames);
-  CHECK(WorstError(body, part, Slide) < 0.04);  // of a way of 0.23, from a guess that was 0.3 off
+  CHECK(WorstError(body, part, Slid) < 0.04);  // of a way of 0.23, from a guess that was 0.3 off
 }
 
 TEST_CASE("a part that turns has its turns") {
@@ -143,55 +56,6 @@ TEST_CASE("the hinge nearest to a part's poses has its axis, its place and its a
     CHECK(sign * found->angle[static_cast<size_t>(t)] == Approx(hinge.angle[static_cast<size_t>(t)]).margin(1e-9));
   for (RigidPose& pose : part.pose) pose.rotation = {0, 1e-3, 0};
   CHECK_FALSE(NearestHinge(part, frames));
-}
-
-TEST_CASE("the rail nearest to a part's poses has its direction and its shifts") {
-  RigidPart part;
-  part.pose.resize(kFrames);
-  std::vector<int64_t> frames;
-  Rail rail;
-  rail.along = Normalized({0.2, -1, 0.1});
-  for (int64_t t = 0; t < kFrames; ++t) {
-    frames.push_back(t);
-    rail.shift.push_back(0.01 * static_cast<double>(t - 20));
-    part.pose[static_cast<size_t>(t)].rotation = {0, 0, 0.1};
-  }
-  CHECK_FALSE(NearestRail(part, frames));
-  SetPoses(rail, frames, &part);
-  for (const RigidPose& pose : part.pose) CHECK(Norm(ToVec3(pose.rotation)) == 0);
-  const std::optional<Rail> found = NearestRail(part, frames);
-  REQUIRE(found);
-  const double sign = Dot(found->along, rail.along) > 0 ? 1 : -1;
-  CHECK(Norm(sign * found->along - rail.along) < 1e-9);
-  for (size_t t = 0; t < rail.shift.size(); ++t) CHECK(sign * found->shift[t] == Approx(rail.shift[t]).margin(1e-9));
-  part.seen.assign(kFrames, true);
-  for (const size_t t : {0, 30, 31}) {
-    part.seen[t] = false;
-    part.pose[t] = {};
-  }
-  FillShifts(&part);
-  CHECK(Norm(part.Place(31, {}) - rail.along * rail.shift[31]) < 1e-9);
-  CHECK(Norm(part.Place(0, {}) - rail.along * rail.shift[1]) < 1e-9);
-}
-
-TEST_CASE("on a rail a part has its true distance, wherever free motion left it") {
-  Body body(Slide);
-  for (const double s : {0.85, 1.15}) {
-    RigidPart part = ScaledFromCameras(body.clip, body.Fit(), s);
-    part.motion = PartMotion::kRail;
-    const std::vector<int64_t> frames = SeenFrames(part);
-    PartSolverOptions options;
-    options.shape = 0.5;
-    std::optional<double> cost;
-    for (int i = 0; i < 6; ++i) {
-      std::optional<Rail> rail = NearestRail(part, frames);
-      REQUIRE(rail);
-      cost = SolveRail(body.clip, body.tracks, options, frames, &*rail, &part);
-      REQUIRE(cost);
-    }
-    INFO("begun at " << s << " times the distance; cost " << *cost);
-    CHECK(WorstError(body, part, Slide) < 0.02);
-  }
 }
 
 TEST_CASE("a part on a hinge is put on it, at its true distance") {
@@ -285,7 +149,7 @@ TEST_CASE("a point taken back from any frame is where it was") {
 }
 
 TEST_CASE("static points explain what stands still, and not what moves") {
-  Body still([](const Vec3&p, int64_t) { return p; }), moving(Slide);
+  Body still([](const Vec3&p, int64_t) { return p; }), moving(Slid);
   const auto cost = [](const Body& body) {
     std::vector<Sighting> sightings;
     const FlowTrack& track = body.tracks[0];
@@ -297,17 +161,17 @@ TEST_CASE("static points explain what stands still, and not what moves") {
 }
 
 TEST_CASE("fits to one part move as each other, fits to two do not") {
-  Body sliding(Slide), other([](const Vec3&p, int64_t t) { return p - 0.8 * Shift(t); });
+  Body sliding(Slid), other([](const Vec3&p, int64_t t) { return p - 0.8 * Shift(t); });
   const RigidPart part = sliding.Fit(), again = ScaledFromCameras(sliding.clip, part, 1.1), opposite = other.Fit();
   CHECK(MovesAs(sliding.clip, sliding.tracks, part, again));
   CHECK_FALSE(MovesAs(sliding.clip, sliding.tracks, part, opposite));
 }
 
 TEST_CASE("what is seen beside a part only while it rests does not join it") {
-  Body body(Slide);
+  Body body(Slid);
   const size_t own = body.tracks.size();
   for (int i = 0; i < 10; ++i) {
-    const Vec3 still = Slide({-0.05 + 0.01 * i, 0.02, 0.03}, 30);
+    const Vec3 still = Slid({-0.05 + 0.01 * i, 0.02, 0.03}, 30);
     FlowTrack track;
     track.first = 26, track.seed = 30;
     for (int64_t t = 26; t < 39; ++t) {
@@ -323,7 +187,7 @@ TEST_CASE("what is seen beside a part only while it rests does not join it") {
 }
 
 TEST_CASE("too few tracks make no part, and the tracks stay free") {
-  Body body(Slide);
+  Body body(Slid);
   body.tracks.resize(5);
   std::vector<bool> taken(5, false);
   CHECK_FALSE(GrowPart(body.clip, nullptr, {20, body.tracks[0].At(20), 1.3}, &body.tracks, &taken).has_value());
@@ -365,7 +229,7 @@ TEST_CASE("a key point's reference frame is one of its part's rest, on a rail on
 }
 
 TEST_CASE("depths of a part are those of its points, away from its edge") {
-  Body body(Slide);
+  Body body(Slid);
   const RigidPart part = body.Fit();
   const DepthTargets targets = PartDepths(body.clip, body.tracks, part, 3);
   REQUIRE(targets.size() > 500);
