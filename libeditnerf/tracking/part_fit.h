@@ -109,8 +109,9 @@ class PartFit {
   std::optional<double> SolvePoints(int iterations);
   bool TakeBack(const std::vector<PartPoint>& rest);
   bool Prune();
-  std::vector<int64_t> EmptyFrames() const;  // known ones but for the reference frame, in which too few pixels follow
-  void TakeEmptyBetween();
+  // Known ones in which too few pixels follow, a few between others in which enough do; but for the reference frame.
+  std::vector<int64_t> LostFrames() const;
+  void TakeLostBetween();
   void UpdatePlacement(int64_t t);
   void UpdatePlacements();
 

@@ -32,8 +32,7 @@ std::optional<double> SolveSlide(const Clip& clip, const std::vector<FlowTrack>&
                                  const PartSolverOptions& options, const std::vector<int64_t>& frames, Slide* slide,
                                  RigidPart* part);
 
-// Of a part on a rail or a plane: between frames that see it, it moves steadily in those that do not; before the first
-// and behind the last it stays.
+// Of a part on a rail or a plane: sets the poses of frames that do not see it (FillBetween, rigid_part.h).
 void FillPlaces(RigidPart* part);
 
 // 1 on a rail, 2 on a plane.

@@ -3,10 +3,67 @@
 #include <ceres/rotation.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "libeditnerf/tracking/track_relation.h"
 
 namespace editnerf {
+namespace {
+
+// One number a frame, in the frames that see the part.
+class SeenValues {
+ public:
+  SeenValues(const RigidPart& part, const std::vector<int64_t>& seen, const std::vector<double>& values)
+      : seen_(part.seen), values_(values) {
+    low_ = high_ = At(seen.front());
+    for (const int64_t t : seen) low_ = std::min(low_, At(t)), high_ = std::max(high_, At(t));
+  }
+
+  // Before the first or behind the last frame that sees it.
+  double Beyond(int64_t last, int64_t t) const {
+    const int64_t on = t > last ? 1 : -1;
+    return std::clamp(At(last) + Pace(last, on) * static_cast<double>(std::abs(t - last)), low_, high_);
+  }
+
+  double Between(int64_t a, int64_t b, int64_t t) const {
+    const double way = At(b) - At(a), from_a = Pace(a, 1), from_b = Pace(b, -1);
+    if (from_b == 0 && IsSooner(from_a, way, b - a)) return At(a) + Going(from_a, way, t - a);
+    if (from_a == 0 && IsSooner(from_b, -way, b - a)) return At(b) + Going(from_b, -way, b - t);
+    return At(a) + way * static_cast<double>(t - a) / static_cast<double>(b - a);
+  }
+
+ private:
+  // Of all its way, a frame, below which it counts as at rest; the eased ends of a motion are slow.
+  static constexpr double kLeastPace = 0.02;
+
+  double At(int64_t t) const { return values_[static_cast<size_t>(t)]; }
+  bool Seen(int64_t t) const {
+    return t >= 0 && t < static_cast<int64_t>(seen_.size()) && seen_[static_cast<size_t>(t)];
+  }
+
+  // With which it goes on from frame t, forwards (1) or backwards (-1), a frame.
+  double Pace(int64_t t, int64_t on) const {
+    if (!Seen(t - on)) return 0;
+    const int64_t steps = Seen(t - 2 * on) ? 2 : 1;
+    const double pace = (At(t) - At(t - steps * on)) / static_cast<double>(steps);
+    return std::abs(pace) < kLeastPace * (high_ - low_) ? 0 : pace;
+  }
+
+  // Whether it goes the given way in fewer than the given frames.
+  static bool IsSooner(double pace, double way, int64_t frames) {
+    return pace * way > 0 && std::abs(pace) * static_cast<double>(frames) > std::abs(way);
+  }
+
+  static double Going(double pace, double way, int64_t frames) {
+    return std::copysign(std::min(std::abs(pace) * static_cast<double>(frames), std::abs(way)), way);
+  }
+
+  const std::vector<bool>& seen_;
+  const std::vector<double>& values_;
+  double low_ = 0, high_ = 0;
+};
+
+}  // namespace
 
 const char* NameOf(PartMotion motion) {
   switch (motion) {
@@ -78,14 +135,19 @@ std::vector<int64_t> FillBetween(const RigidPart& part, std::vector<double>* val
   const std::vector<int64_t> seen = SeenFrames(part);
   std::vector<int64_t> others;
   if (seen.empty()) return others;
+  const SeenValues known(part, seen, *values);
   for (int64_t t = 0; t < static_cast<int64_t>(part.pose.size()); ++t) {
     if (part.seen[static_cast<size_t>(t)]) continue;
     others.push_back(t);
     const auto after = std::upper_bound(seen.begin(), seen.end(), t);
-    const int64_t b = after == seen.end() ? seen.back() : *after, a = after == seen.begin() ? b : *(after - 1);
-    const double share = b > a ? static_cast<double>(t - a) / static_cast<double>(b - a) : 0;
-    const auto value = [values](int64_t frame) { return (*values)[static_cast<size_t>(frame)]; };
-    (*values)[static_cast<size_t>(t)] = (1 - share) * value(a) + share * value(b);
+    double& value = (*values)[static_cast<size_t>(t)];
+    if (after == seen.begin()) {
+      value = known.Beyond(seen.front(), t);
+    } else if (after == seen.end()) {
+      value = known.Beyond(seen.back(), t);
+    } else {
+      value = known.Between(*(after - 1), *after, t);
+    }
   }
   return others;
 }

@@ -63,8 +63,9 @@ std::vector<Vec3> TurnsOf(const RigidPart& part);
 
 std::vector<int64_t> SeenFrames(const RigidPart& part);  // in time order
 
-// One number a frame: those of frames that do not see the part are set so that it changes steadily between the two that
-// do, and stays before the first and behind the last. Returns those frames.
+// One number a frame: sets those of frames that do not see the part, and returns these frames. Between two that do it
+// changes steadily; but where it moves at one of them and rests at the other, it keeps its pace until it is there.
+// Before the first and behind the last it stays, or keeps its pace as far as it was ever seen to go.
 std::vector<int64_t> FillBetween(const RigidPart& part, std::vector<double>* values);
 
 // How far a point goes in the frames that see the part: TrackMotion::range (track_relation.h), scene units.

@@ -32,6 +32,34 @@ TEST_CASE("a part that turns has its turns") {
   CHECK(WorstError(body, part, Turned) < 0.06);  // of a way of 0.23
 }
 
+TEST_CASE("frames that do not see a part follow from those that do") {
+  // Rests, opens, rests open, and closes.
+  std::vector<double> truth(40, 0);
+  for (size_t t = 0; t < truth.size(); ++t) {
+    const double opens = std::clamp((static_cast<double>(t) - 6) / 6, 0.0, 1.0);
+    truth[t] = opens - std::clamp((static_cast<double>(t) - 30) / 6, 0.0, 1.0);
+  }
+  RigidPart part;
+  part.pose.resize(truth.size());
+  const auto filled = [&](size_t first, size_t last) {
+    part.seen.assign(truth.size(), true);
+    std::vector<double> values = truth;
+    for (size_t t = first; t <= last; ++t) part.seen[t] = false, values[t] = NAN;
+    const std::vector<int64_t> others = FillBetween(part, &values);
+    CHECK(others.size() == last - first + 1);
+    double worst = 0;
+    for (size_t t = 0; t < truth.size(); ++t) worst = std::max(worst, std::abs(values[t] - truth[t]));
+    return worst;
+  };
+  CHECK(filled(9, 20) < 1e-9);           // it keeps the pace at which it was last seen, and rests
+  CHECK(filled(20, 33) < 1e-9);          // it must have begun late enough to be where it is seen next
+  CHECK(filled(8, 10) < 1e-9);           // moving at both ends: steadily
+  CHECK(filled(0, 8) < 1e-9);            // before it is seen: no further than it was ever seen
+  CHECK(filled(33, 39) < 1e-9);          // likewise behind
+  CHECK(filled(4, 14) == Approx(0.25));  // at rest at both ends: nothing tells when, steadily
+  CHECK(filled(14, 29) < 1e-9);          // at rest all the time
+}
+
 // Turned()'s axis is (0, -1, 0) through (-0.15, y, 0).
 TEST_CASE("the hinge nearest to a part's poses has its axis, its place and its angles") {
   RigidPart part;
