@@ -15,7 +15,8 @@ namespace {
 constexpr double kStep = 0.025;      // radians: what lies farthest from the hinge goes two pixels
 constexpr double kBeyond = 1;        // radians, outside of the angles that are known
 constexpr size_t kMostPatches = 80;  // that are looked for
-constexpr int64_t kLeastFound = 6;
+constexpr int64_t kLeastFound = 6;   // that say where it is,
+constexpr int64_t kLeastKept = 3;    // and that leave it where tracks have it, as it is seen along its surface, say
 constexpr double kNear = 0.35, kNearCounts = 1.4;  // radians from the frame beside it, and by how much more it counts
 constexpr double kLostShare = 0.5;                 // of the points that are usually found
 
@@ -153,7 +154,7 @@ class HingeSearch {
       return true;
     }
     if (best.found < kLeastFound) {
-      part_->seen[At(t)] = found_[At(t)] >= kLeastFound;
+      part_->seen[At(t)] = found_[At(t)] >= kLeastKept;
       return false;
     }
     if (std::abs(best.angle - now) <= 2 * kStep || score(best.angle, best.found) <= score(now, found_[At(t)])) {
