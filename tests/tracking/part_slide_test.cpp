@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "libeditnerf/tracking/part_fit.h"
 #include "libeditnerf/tracking/part_scale.h"
 #include "tests/catch.h"
 #include "tests/tracking/tracked_body.h"
@@ -106,4 +107,32 @@ TEST_CASE("a part on a rail that rests stands still there, whatever its tracks d
   INFO(drifting << " and " << resting);
   CHECK(drifting > 2e-3);
   CHECK(resting < 0.3 * drifting);
+}
+
+TEST_CASE("of a part that is held, frames in which hardly a point follows are between those beside them") {
+  Body body(Slid);
+  RigidPart part = body.Fit();
+  part.motion = PartMotion::kRail;
+  const std::vector<int64_t> frames = SeenFrames(part);
+  std::optional<Slide> rail = NearestSlide(part, frames, 1);
+  for (int i = 0; i < 3; ++i) {
+    REQUIRE(rail);
+    REQUIRE(SolveSlide(body.clip, body.tracks, {}, frames, &*rail, &part));
+  }
+  const auto finished = [&](int64_t first, int64_t last) {
+    RigidPart lost = part;
+    for (int64_t t = first; t <= last; ++t)
+      lost.pose[static_cast<size_t>(t)].translation = ToArray(rail->axes[0] * 0.4);  // no track goes there
+    PartFit fit(body.clip, body.tracks, {}, {0.5, 3});
+    fit.GoOn(lost);
+    return fit.Finished();
+  };
+  const RigidPart found = finished(32, 33);
+  CHECK_FALSE(found.seen[32]);
+  CHECK_FALSE(found.seen[33]);
+  CHECK(found.seen[31]);
+  for (const int64_t t : {32, 33}) CHECK(Norm(found.Place(t, part.center) - part.Place(t, part.center)) < 5e-3);
+  // Where it is lost for long nothing else tells where it is.
+  const RigidPart left = finished(30, 36);
+  CHECK(left.seen[33]);
 }
