@@ -55,8 +55,8 @@ class PartFit {
   // found in any.
   bool FindLost();
 
-  // Moves the part to the distance at which it rests, or else has the shortest way to go (part_scale.h). One on a hinge
-  // or a rail stays, as at any other distance that would not stand still.
+  // Moves the part to the distance at which it rests, or else has the shortest way to go (part_scale.h). One that is
+  // held stays, as at any other distance what holds it would not stand still.
   void Settle();
 
   // Where on its ray a point's first track follows the part best; false where it does not follow.
@@ -86,8 +86,7 @@ class PartFit {
 
   const RigidPart& part() const { return part_; }
 
-  // The part, with the poses of unknown frames taken from the nearest known one, or, on a hinge or a rail, from
-  // both sides.
+  // The part without the few frames in which it was lost, and with poses of unknown ones (FillUnseen, part_held.h).
   RigidPart Finished() const;
 
  private:

@@ -47,6 +47,7 @@ std::optional<RigidPart> HeldBy(const Clip& clip, const std::vector<FlowTrack>& 
 
 void FillUnseen(RigidPart* part) {
   const std::vector<int64_t> seen = SeenFrames(*part);
+  if (seen.empty()) return;
   for (size_t t = 0; t < part->pose.size(); ++t) {
     const auto near = [t](int64_t a, int64_t b) {
       return std::abs(a - static_cast<int64_t>(t)) < std::abs(b - static_cast<int64_t>(t));
