@@ -1,8 +1,8 @@
 // A rigid part that slides: it does not turn, and goes along one straight line (a rail), or on one plane, that stands
 // still in the scene. Drawers, lifts and sliding doors move along a line, and what is pushed about on a table on a
 // plane. Where that explains the tracks it says what free motion leaves open: how far the part is, as at any other
-// distance it would have to follow the camera (which tells nothing of a plane along which the camera goes, too), and the
-// slow drift off the line or plane that free motion makes of patches which slide by a fraction of a pixel while the
+// distance it would have to follow the camera (which tells nothing of a plane along which the camera goes, too), and
+// the slow drift off the line or plane that free motion makes of patches which slide by a fraction of a pixel while the
 // camera goes around.
 #pragma once
 
