@@ -182,11 +182,4 @@ int64_t FindLostAngles(const Clip& clip, const std::vector<FlowTrack>& tracks, R
   return HingeSearch(clip, tracks, part).Run();
 }
 
-void FillAngles(RigidPart* part) {
-  const std::vector<int64_t> seen = SeenFrames(*part);
-  std::optional<Hinge> hinge = NearestHinge(*part, seen);
-  if (!hinge) return;
-  SetPoses(*hinge, FillBetween(*part, &hinge->angle), part);
-}
-
 }  // namespace editnerf

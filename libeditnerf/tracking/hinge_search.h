@@ -19,7 +19,4 @@ namespace editnerf {
 // found. Returns in how many frames the part was put elsewhere.
 int64_t FindLostAngles(const Clip& clip, const std::vector<FlowTrack>& tracks, RigidPart* part);
 
-// Of a part on a hinge: sets the poses of frames that do not see it (FillBetween, rigid_part.h).
-void FillAngles(RigidPart* part);
-
 }  // namespace editnerf

@@ -37,10 +37,9 @@ std::vector<Vec3> SomePoints(const RigidPart& part) {
 }
 
 double RangePixels(const Clip& clip, const RigidPart& part) {
-  const double distance = Norm(part.center - clip.cameras[At(part.reference)].position);
   std::vector<double> ranges;
   for (const Vec3& point : SomePoints(part)) ranges.push_back(PointRange(part, point));
-  return Percentile(std::move(ranges), 0.5) * clip.cameras[0].focal_length / distance / clip.PixelScale();
+  return Percentile(std::move(ranges), 0.5) / PixelAt(clip, DistanceOf(clip, part));
 }
 
 MovingPart Weighed(const Clip& clip, const std::vector<FlowTrack>& tracks, RigidPart body, const DepthRange& range) {

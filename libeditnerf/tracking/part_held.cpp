@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "libeditnerf/tracking/hinge_search.h"
 #include "libeditnerf/tracking/part_hinge.h"
 #include "libeditnerf/tracking/part_scale.h"
 #include "libeditnerf/tracking/part_slide.h"
@@ -48,14 +47,16 @@ std::optional<RigidPart> HeldBy(const Clip& clip, const std::vector<FlowTrack>& 
 void FillUnseen(RigidPart* part) {
   const std::vector<int64_t> seen = SeenFrames(*part);
   if (seen.empty()) return;
-  for (size_t t = 0; t < part->pose.size(); ++t) {
-    const auto near = [t](int64_t a, int64_t b) {
-      return std::abs(a - static_cast<int64_t>(t)) < std::abs(b - static_cast<int64_t>(t));
-    };
-    part->pose[t] = part->pose[static_cast<size_t>(*std::min_element(seen.begin(), seen.end(), near))];
+  for (int64_t t = 0; t < static_cast<int64_t>(part->pose.size()); ++t) {
+    const auto nearest = std::min_element(seen.begin(), seen.end(),
+                                          [t](int64_t a, int64_t b) { return std::abs(a - t) < std::abs(b - t); });
+    part->pose[static_cast<size_t>(t)] = part->pose[static_cast<size_t>(*nearest)];
   }
-  if (part->motion == PartMotion::kHinge) FillAngles(part);
-  if (part->motion == PartMotion::kRail || part->motion == PartMotion::kPlane) FillPlaces(part);
+  if (part->motion == PartMotion::kHinge) {
+    FillAngles(part);
+  } else if (IsHeld(part->motion)) {
+    FillPlaces(part);
+  }
 }
 
 }  // namespace editnerf

@@ -9,7 +9,6 @@
 
 #include "libeditnerf/tracking/cost_terms.h"
 #include "libeditnerf/tracking/part_costs.h"
-#include "libeditnerf/tracking/part_rest.h"
 
 namespace editnerf {
 namespace {
@@ -124,6 +123,13 @@ std::optional<double> SolveHinge(const Clip& clip, const std::vector<FlowTrack>&
   part->center = MiddleOf(points);
   SetPoses(*hinge, frames, part);
   return cost;
+}
+
+void FillAngles(RigidPart* part) {
+  const std::vector<int64_t> seen = SeenFrames(*part);
+  std::optional<Hinge> hinge = NearestHinge(*part, seen);
+  if (!hinge) return;
+  SetPoses(*hinge, FillBetween(*part, &hinge->angle), part);
 }
 
 }  // namespace editnerf

@@ -31,4 +31,7 @@ std::optional<double> SolveHinge(const Clip& clip, const std::vector<FlowTrack>&
                                  const PartSolverOptions& options, const std::vector<int64_t>& frames, Hinge* hinge,
                                  RigidPart* part);
 
+// Of a part on a hinge: sets the poses of frames that do not see it (FillBetween, rigid_part.h).
+void FillAngles(RigidPart* part);
+
 }  // namespace editnerf

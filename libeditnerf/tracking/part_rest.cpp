@@ -19,14 +19,6 @@ double WayOf(const Clip& clip, const RigidPart& part, int64_t a, int64_t b) {
 
 }  // namespace
 
-double DistanceOf(const Clip& clip, const RigidPart& part) {
-  return std::max(1e-6, Norm(part.center - clip.cameras[static_cast<size_t>(part.reference)].position));
-}
-
-double PixelAt(const Clip& clip, double distance) {
-  return distance / clip.cameras[0].focal_length * clip.PixelScale();
-}
-
 bool RestsAt(const Clip& clip, const RigidPart& part, const PartSolverOptions& options,
              const std::vector<int64_t>& frames, size_t i) {
   if (options.rest_pixels == 0) return false;

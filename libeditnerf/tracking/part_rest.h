@@ -10,9 +10,6 @@ namespace editnerf {
 
 constexpr double kStillPixels = 0.02;  // standard deviation of a part at rest, at 320 wide, a frame
 
-double DistanceOf(const Clip& clip, const RigidPart& part);  // from its reference frame's camera, scene units
-double PixelAt(const Clip& clip, double distance);           // scene units of a pixel at 320 wide
-
 // Whether the part's way around the step from the i-th of the frames, which are in time order, to the next is that of
 // one at rest (PartSolverOptions::rest_pixels). A way to or from the camera, of which images tell little, counts for
 // less.

@@ -112,6 +112,14 @@ class Solver {
 
 }  // namespace
 
+double DistanceOf(const Clip& clip, const RigidPart& part) {
+  return std::max(1e-6, Norm(part.center - clip.cameras[static_cast<size_t>(part.reference)].position));
+}
+
+double PixelAt(const Clip& clip, double distance) {
+  return distance / clip.cameras[0].focal_length * clip.PixelScale();
+}
+
 bool SolvePose(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options, int64_t t,
                int64_t towards, RigidPart* part) {
   const RigidPose before = part->pose[At(t)];

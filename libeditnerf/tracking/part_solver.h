@@ -24,6 +24,9 @@ struct PartSolverOptions {
   int iterations = 25;
 };
 
+double DistanceOf(const Clip& clip, const RigidPart& part);  // from its reference frame's camera, scene units
+double PixelAt(const Clip& clip, double distance);           // scene units of a pixel at 320 wide
+
 // Frame t's pose alone, from the part's points seen there; begins from the pose that is there. `towards`: a frame from
 // whose rotation it should differ by little. False where fewer than three pixels are known or nothing finite comes out.
 bool SolvePose(const Clip& clip, const std::vector<FlowTrack>& tracks, const PartSolverOptions& options, int64_t t,

@@ -1,6 +1,5 @@
 // Rigid parts fitted to exact tracks with a little noise, of a body that slides and rests or turns to and fro.
 #include <cmath>
-#include <random>
 
 #include "libeditnerf/tracking/moving_parts.h"
 #include "libeditnerf/tracking/part_candidates.h"
