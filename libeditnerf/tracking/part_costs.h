@@ -71,11 +71,29 @@ void ForTrackedPixels(const Clip& clip, const std::vector<FlowTrack>& tracks, co
   }
 }
 
+// | p - target | along x and y, or along z. In pairs, as pixels come: Ceres eliminates points of one size of term
+// faster.
+struct NearTerm {
+  Vec3 target;
+  double weight;
+  bool z;
+
+  template <class T>
+  bool operator()(const T* point, T* residual) const {
+    residual[0] = T(weight) * (z ? point[2] - T(target.z) : point[0] - T(target.x));
+    residual[1] = z ? T(0) : T(weight) * (point[1] - T(target.y));
+    return true;
+  }
+};
+
 // Holds points near the part's centre. deviation: scene units.
 inline void AddShape(ceres::Problem* problem, const Vec3& center, double deviation, std::vector<PartPoint>* points) {
   for (PartPoint& point : *points) {
-    problem->AddResidualBlock(new ceres::AutoDiffCostFunction<AnchorTerm, 3, 3>(new AnchorTerm{center, 1 / deviation}),
-                              nullptr, point.position.data());
+    for (const bool in_depth : {false, true}) {
+      problem->AddResidualBlock(
+          new ceres::AutoDiffCostFunction<NearTerm, 2, 3>(new NearTerm{center, 1 / deviation, in_depth}), nullptr,
+          point.position.data());
+    }
   }
 }
 
