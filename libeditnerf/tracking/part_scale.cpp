@@ -92,7 +92,7 @@ double ShortestWay(const Clip& clip, const std::vector<FlowTrack>& tracks, const
   for (int i = -kSteps; i <= kSteps; ++i) {
     const double log_s = i * std::log(kMostRescaled) / kSteps;
     scale.push_back(std::exp(log_s));
-    length.push_back(Length(clip, ways, frames, scale.back()));
+    length.push_back(Length(clip, ways, frames, scale.back()) / scale.back());
     double sum = 0;
     for (const double ratio : ratios) sum += std::min(std::abs(ratio - log_s) / kMapSlack, 1.0);
     missed.push_back(ratios.empty() ? 0 : sum / static_cast<double>(ratios.size()));

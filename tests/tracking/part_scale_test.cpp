@@ -2,6 +2,7 @@
 #include "libeditnerf/tracking/part_scale.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "tests/catch.h"
 #include "tests/tracking/moving_spheres.h"
@@ -14,12 +15,12 @@ constexpr int64_t kFrames = 60;
 
 // `share` of the way from one place to the other, at frame t.
 template <class Share>
-RigidPart FollowedBall(const Share& share) {
+RigidPart FollowedBall(const Share& share, const Vec3& way = {0.3, 0, 0}) {
   RigidPart part;
   part.reference = kFrames / 2;
-  part.center = {0.3 * share(part.reference), 0, 0.35};
+  part.center = Vec3{0, 0, 0.35} + way * share(part.reference);
   for (int64_t t = 0; t < kFrames; ++t) {
-    part.pose.push_back({{0, 0, 0}, {0.3 * (share(t) - share(part.reference)), 0, 0}});
+    part.pose.push_back({{0, 0, 0}, ToArray(way * (share(t) - share(part.reference)))});
     part.seen.push_back(true);
   }
   for (const Vec3& offset : {Vec3{0, -0.2, 0}, Vec3{0.1, -0.15, 0.05}, Vec3{-0.1, -0.15, -0.05}}) {
@@ -58,4 +59,14 @@ TEST_CASE("where nothing rests, or the camera does, rests do not tell how far aw
   CHECK_FALSE(RestingScale(clip, ScaledFromCameras(clip, FollowedBall(always), 1.01)));
   const Clip standing = BeforeCamera(0);
   CHECK_FALSE(RestingScale(standing, ScaledFromCameras(standing, FollowedBall(RestThenSlide), 1.01)));
+}
+
+TEST_CASE("a part that moves all the time is as far away as it has to be not to follow the camera") {
+  const Clip clip = BeforeCamera(0.8);
+  const auto bounces = [](int64_t t) { return std::sin(0.35 * static_cast<double>(t)); };
+  const RigidPart part = FollowedBall(bounces, {0, 0, 0.3});  // across the way of the camera
+  for (const double off : {0.8, 0.95, 1.0, 1.1, 1.3}) {
+    INFO(off);
+    CHECK(ShortestWay(clip, {}, ScaledFromCameras(clip, part, off)) == Approx(1 / off).epsilon(0.025));
+  }
 }
