@@ -34,6 +34,7 @@ PartSolverOptions AlignedOptions() {
   options.shape = kAlignedShape;
   options.iterations = kAlignedIterations;
   options.rest_pixels = kRestPixels;
+  options.hold_scale = true;
   return options;
 }
 

@@ -4,7 +4,10 @@
 #include <ceres/rotation.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "libeditnerf/tracking/cost_terms.h"
 #include "libeditnerf/tracking/part_costs.h"
@@ -12,6 +15,8 @@
 
 namespace editnerf {
 namespace {
+
+constexpr double kLeastScaled = 1;  // pixels at 320 wide, by which another distance shifts it in some frame
 
 size_t At(int64_t t) { return static_cast<size_t>(t); }
 
@@ -31,6 +36,38 @@ struct PixelTerm {
     point[2] += T(center.z) + translation[2];
     return PixelMiss(camera, pixel, weight, point, residual);
   }
+};
+
+// How much farther from the cameras the whole part has become than it was, as a share. Images do not tell: whatever
+// draws its way together would decide it, if by ever so little.
+class ScaleTerm : public ceres::CostFunction {
+ public:
+  // One each for every frame but the reference. farther: what is added to the shift for each 100 %.
+  ScaleTerm(std::vector<Vec3> shifts, std::vector<Vec3> farther)
+      : shifts_(std::move(shifts)), farther_(std::move(farther)) {
+    double length = 0;
+    for (const Vec3& v : farther_) length += Dot(v, v);
+    for (Vec3& v : farther_) v = v * (1 / (kShare * length));
+    set_num_residuals(1);
+    mutable_parameter_block_sizes()->assign(shifts_.size(), 3);
+  }
+
+  bool Evaluate(double const* const* shifts, double* residual, double** jacobians) const override {
+    *residual = 0;
+    for (size_t i = 0; i < shifts_.size(); ++i) {
+      const Vec3 by = Vec3{shifts[i][0], shifts[i][1], shifts[i][2]} - shifts_[i];
+      *residual += Dot(farther_[i], by);
+      if (jacobians == nullptr || jacobians[i] == nullptr) continue;
+      const std::array<double, 3> slope = ToArray(farther_[i]);
+      std::copy(slope.begin(), slope.end(), jacobians[i]);
+    }
+    return true;
+  }
+
+ private:
+  static constexpr double kShare = 1e-4;  // standard deviation
+
+  std::vector<Vec3> shifts_, farther_;
 };
 
 class Solver {
@@ -79,6 +116,22 @@ class Solver {
   void AddTurn(int64_t a, int64_t b) {
     problem_.AddResidualBlock(DifferenceTerm<3>::New(1 / options_.turn), new ceres::HuberLoss(kTotalVariation),
                               Rotation(a), Rotation(b));
+  }
+
+  void HoldScale(const std::vector<int64_t>& frames) {
+    const Vec3 eye = clip_.cameras[At(part_.reference)].position;
+    std::vector<Vec3> shifts, farther;
+    std::vector<double*> blocks;
+    double most = 0;
+    for (const int64_t t : frames) {
+      if (t == part_.reference) continue;
+      shifts.push_back(ToVec3(part_.pose[At(t)].translation));
+      farther.push_back(shifts.back() - (clip_.cameras[At(t)].position - eye));
+      blocks.push_back(Translation(t));
+      most = std::max(most, Norm(farther.back()));
+    }
+    if (most < kLeastScaled * per_pixel_) return;
+    problem_.AddResidualBlock(new ScaleTerm(std::move(shifts), std::move(farther)), nullptr, blocks);
   }
 
   void AddShape() { editnerf::AddShape(&problem_, part_.center, options_.shape * distance_, &part_.points); }
@@ -140,6 +193,7 @@ std::optional<double> SolvePart(const Clip& clip, const std::vector<FlowTrack>& 
   if (solver.AddPixels(frames) < 3) return std::nullopt;
   solver.AddSmoothness(frames);
   solver.AddShape();
+  if (options.hold_scale) solver.HoldScale(frames);
   solver.HoldPose(part->reference);
   if (!part->turns()) solver.HoldTurns(frames);
   const std::optional<double> cost = solver.Run(ceres::DENSE_SCHUR, options.iterations);

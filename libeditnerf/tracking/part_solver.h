@@ -21,6 +21,7 @@ struct PartSolverOptions {
   double turn = 0.05;                // radians a frame
   double rest_pixels = 0;            // of way a frame up to which the part is taken to rest; 0: it never is
   double shape = 0.15;               // of a point from the part's centre, as a share of the part's distance
+  bool hold_scale = false;           // whether it stays as far from the cameras as it was, if nothing holds it
   int iterations = 25;
 };
 

@@ -269,3 +269,23 @@ TEST_CASE("depths of a part are those of its points, away from its edge") {
   }
   CHECK(worst < 0.12);  // the body is 0.12 deep, at a distance of 1
 }
+
+TEST_CASE("least squares leaves a part as far away as it was, whatever draws its way together") {
+  Body body(Slid);
+  const RigidPart far = ScaledFromCameras(body.clip, body.Fit(), 1.15);
+  const std::vector<int64_t> frames = SeenFrames(far);
+  const auto distance = [&](const RigidPart& part) {
+    double sum = 0;
+    for (const int64_t t : frames)
+      sum += Norm(part.Place(t, ToVec3(part.points[0].position)) - body.clip.cameras[static_cast<size_t>(t)].position);
+    return sum;
+  };
+  PartSolverOptions options;
+  options.shape = 5;  // of no weight
+  RigidPart drawn = far, held = far;
+  REQUIRE(SolvePart(body.clip, body.tracks, options, frames, &drawn));
+  options.hold_scale = true;
+  REQUIRE(SolvePart(body.clip, body.tracks, options, frames, &held));
+  CHECK(distance(held) == Approx(distance(far)).epsilon(0.004));
+  CHECK(distance(drawn) < 0.99 * distance(far));
+}
