@@ -1,6 +1,5 @@
 #include "libeditnerf/tracking/patches.h"
 
-#include <algorithm>
 #include <cmath>
 
 namespace editnerf {
@@ -29,22 +28,14 @@ std::vector<Pixel> Square(const Pixel& center, int64_t radius) {
 }
 
 std::vector<double> GreysAt(const torch::Tensor& gray, const std::vector<Pixel>& pixels) {
+  const GreyImage image(gray);
   std::vector<double> values;
-  for (const Pixel& p : pixels) values.push_back(GreyAt(gray, p));
+  values.reserve(pixels.size());
+  for (const Pixel& p : pixels) values.push_back(image.At(p));
   return values;
 }
 
 }  // namespace
-
-double GreyAt(const torch::Tensor& gray, const Pixel& p) {
-  const int64_t height = gray.size(0), width = gray.size(1);
-  const double x = std::clamp(p.u - 0.5, 0.0, static_cast<double>(width - 1));
-  const double y = std::clamp(p.v - 0.5, 0.0, static_cast<double>(height - 1));
-  const auto column = std::min(static_cast<int64_t>(x), width - 2), row = std::min(static_cast<int64_t>(y), height - 2);
-  const double fx = x - static_cast<double>(column), fy = y - static_cast<double>(row);
-  const float* at = gray.data_ptr<float>() + row * width + column;
-  return (1 - fy) * ((1 - fx) * at[0] + fx * at[1]) + fy * ((1 - fx) * at[width] + fx * at[width + 1]);
-}
 
 double PatchSimilarity(const torch::Tensor& gray_a, const Pixel& a, const torch::Tensor& gray_b, const Pixel& b,
                        int64_t radius) {

@@ -3,6 +3,7 @@
 
 #include <torch/types.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -10,8 +11,27 @@
 
 namespace editnerf {
 
-// Bilinear; beyond the outer pixels' centres the edge goes on. gray [H, W] float32 contiguous.
-double GreyAt(const torch::Tensor& gray, const Pixel& p);
+// A picture to be read at many places. gray [H, W] float32 contiguous, not held on to.
+class GreyImage {
+ public:
+  explicit GreyImage(const torch::Tensor& gray)
+      : values_(gray.data_ptr<float>()), height_(gray.size(0)), width_(gray.size(1)) {}
+
+  // Bilinear; beyond the outer pixels' centres the edge goes on.
+  double At(const Pixel& p) const {
+    const double x = std::clamp(p.u - 0.5, 0.0, static_cast<double>(width_ - 1));
+    const double y = std::clamp(p.v - 0.5, 0.0, static_cast<double>(height_ - 1));
+    const auto column = std::min(static_cast<int64_t>(x), width_ - 2);
+    const auto row = std::min(static_cast<int64_t>(y), height_ - 2);
+    const double fx = x - static_cast<double>(column), fy = y - static_cast<double>(row);
+    const float* const at = values_ + row * width_ + column;
+    return (1 - fy) * ((1 - fx) * at[0] + fx * at[1]) + fy * ((1 - fx) * at[width_] + fx * at[width_ + 1]);
+  }
+
+ private:
+  const float* values_;
+  int64_t height_, width_;
+};
 
 // Zero-mean normalised correlation of the patches around two positions, in [-1, 1]; 0 where a patch leaves its image.
 // A patch without texture has nothing to compare and scores 0. gray [H, W] float32 contiguous.

@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "libeditnerf/tracking/patches.h"
 
@@ -18,7 +19,9 @@ constexpr double kLeastScale = 0.5, kMostScale = 2;  // of the patch's area
 constexpr size_t kNeighbours = 10;
 constexpr double kLeastFacing = 0.5;  // cosine
 constexpr int kMostSteps = 12;
-constexpr double kLastStep = 0.01;  // pixels
+constexpr double kLastStep = 0.01;                                      // pixels
+constexpr int kFewSteps = 3;                                            // from where it was aligned already
+constexpr double kFirstTurn = 0.4, kLastTurn = 0.08, kMostSlope = 1.8;  // slopes of the surface against the view
 
 size_t At(int64_t t) { return static_cast<size_t>(t); }
 
@@ -65,13 +68,13 @@ PointPatch::PointPatch(const Clip& clip, const std::vector<FlowTrack>& tracks, c
   const FlowTrack& longest = Longest(tracks, point);
   frame_ = (longest.first + longest.end()) / 2;
   center_ = longest.At(frame_);
-  const torch::Tensor& gray = clip.gray[At(frame_)];
+  const GreyImage image(clip.gray[At(frame_)]);
   const auto radius = static_cast<int64_t>(std::lround(std::max(3.0, kRadius * clip.PixelScale())));
   for (int64_t dv = -radius; dv <= radius; ++dv) {
     for (int64_t du = -radius; du <= radius; ++du) {
       const auto u = static_cast<double>(du), v = static_cast<double>(dv);
       const auto grey = [&](double by_u, double by_v) {
-        return GreyAt(gray, {center_.u + u + by_u, center_.v + v + by_v});
+        return image.At({center_.u + u + by_u, center_.v + v + by_v});
       };
       offset_.push_back({u, v});
       value_.push_back(grey(0, 0));
@@ -113,14 +116,52 @@ bool PointPatch::IsComparable(const PatchWarp& warp) {
   return area >= kLeastScale && area <= kMostScale;
 }
 
+// Mean correlation with what was seen.
+double PointPatch::Likeness(const Clip& clip, const RigidPart& part, const std::vector<Sighting>& seen) const {
+  double sum = 0;
+  for (const Sighting& one : seen) {
+    const PatchWarp warp = WarpTo(clip, part, one.frame);
+    Pixel at = one.pixel;
+    if (IsComparable(warp)) sum += Align(clip.gray[At(one.frame)], warp, kFewSteps, &at);
+  }
+  return sum / static_cast<double>(seen.size());
+}
+
+void PointPatch::FitNormal(const Clip& clip, const RigidPart& part, const std::vector<Sighting>& seen) {
+  const Vec3 towards = Normalized(part.TakeBack(frame_, clip.cameras[At(frame_)].position) - position_);
+  const Vec3 right = Normalized(Cross(towards, std::abs(towards.x) < 0.5 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
+  const Vec3 up = Cross(towards, right);
+  const double facing = Dot(normal_, towards);
+  const double along = facing < 0 ? std::min(facing, -kLeastFacing) : std::max(facing, kLeastFacing);
+  double slope_u = Dot(normal_, right) / along, slope_v = Dot(normal_, up) / along;
+  const auto likeness = [&](double u, double v) {
+    if (std::hypot(u, v) > kMostSlope) return -1.0;
+    normal_ = Normalized(towards + right * u + up * v);
+    return Likeness(clip, part, seen);
+  };
+  double best = likeness(slope_u, slope_v);
+  for (double step = kFirstTurn; step > kLastTurn;) {
+    bool better = false;
+    for (const auto& [du, dv] : {std::pair{step, 0.0}, {-step, 0.0}, {0.0, step}, {0.0, -step}}) {
+      const double now = likeness(slope_u + du, slope_v + dv);
+      better = now > best;
+      if (!better) continue;
+      best = now, slope_u += du, slope_v += dv;
+      break;
+    }
+    if (!better) step /= 2;
+  }
+  normal_ = Normalized(towards + right * slope_u + up * slope_v);
+}
+
 bool PointPatch::Find(const Clip& clip, int64_t t, const PatchWarp& warp, Pixel* at) const {
   const Pixel from = *at;
-  return Align(clip.gray[At(t)], warp, at) >= kLeastSimilarity && clip.Inside(*at) &&
+  return Align(clip.gray[At(t)], warp, kMostSteps, at) >= kLeastSimilarity && clip.Inside(*at) &&
          Distance(*at, from) <= kMostOff * clip.PixelScale();
 }
 
 // Moves `at` to where the frame looks like the template, and returns the correlation there; 0 where it gets lost.
-double PointPatch::Align(const torch::Tensor& gray, const PatchWarp& warp, Pixel* at) const {
+double PointPatch::Align(const torch::Tensor& gray, const PatchWarp& warp, int most_steps, Pixel* at) const {
   // Gradients of the template as they would be in the frame.
   const double determinant = warp.uu * warp.vv - warp.uv * warp.vu;
   const auto carried = [&](const Pixel& g) {
@@ -133,11 +174,12 @@ double PointPatch::Align(const torch::Tensor& gray, const PatchWarp& warp, Pixel
   }
   const double scale = uu * vv - uv * uv;
   if (!(scale > 0)) return 0;
+  const GreyImage image(gray);
   std::vector<double> now(value_.size());
   for (int step = 0;; ++step) {
     for (size_t i = 0; i < now.size(); ++i) {
       const Pixel by = warp(offset_[i].u, offset_[i].v);
-      now[i] = GreyAt(gray, {at->u + by.u, at->v + by.v});
+      now[i] = image.At({at->u + by.u, at->v + by.v});
     }
     if (!(Normalise(&now) > 0)) return 0;
     double right_u = 0, right_v = 0, similarity = 0;
@@ -148,7 +190,7 @@ double PointPatch::Align(const torch::Tensor& gray, const PatchWarp& warp, Pixel
       similarity += value_[i] * now[i];
     }
     const Pixel by = {(vv * right_u - uv * right_v) / scale, (uu * right_v - uv * right_u) / scale};
-    if (std::hypot(by.u, by.v) < kLastStep || step == kMostSteps) return similarity;
+    if (std::hypot(by.u, by.v) < kLastStep || step == most_steps) return similarity;
     *at = {at->u + by.u, at->v + by.v};
   }
 }

@@ -11,6 +11,7 @@
 #include "libeditnerf/tracking/clip.h"
 #include "libeditnerf/tracking/flow_tracks.h"
 #include "libeditnerf/tracking/rigid_part.h"
+#include "libeditnerf/tracking/stillness.h"
 
 namespace editnerf {
 
@@ -38,16 +39,21 @@ class PointPatch {
   PatchWarp WarpTo(const Clip& clip, const RigidPart& part, int64_t t) const;
   static bool IsComparable(const PatchWarp& warp);
 
+  // Turns the surface to where the patch looks most like what was seen: points that are off by little make out a plane
+  // that is off by a lot.
+  void FitNormal(const Clip& clip, const RigidPart& part, const std::vector<Sighting>& seen);
+
   // Moves `at` to where frame t looks like the patch, not far from where it was; false, and `at` somewhere,
   // where nothing does.
   bool Find(const Clip& clip, int64_t t, const PatchWarp& warp, Pixel* at) const;
 
  private:
-  double Align(const torch::Tensor& gray, const PatchWarp& warp, Pixel* at) const;
+  double Align(const torch::Tensor& gray, const PatchWarp& warp, int most_steps, Pixel* at) const;
+  double Likeness(const Clip& clip, const RigidPart& part, const std::vector<Sighting>& seen) const;
 
   int64_t frame_;
   Pixel center_;
-  Vec3 position_, normal_;  // a unit vector across the surface that the nearest points make out
+  Vec3 position_, normal_;  // a unit vector across the surface, in the part's reference frame
   std::vector<Pixel> offset_, gradient_;
   std::vector<double> value_;  // with zero mean and unit length
   double deviation_ = 0;       // the length that the values had

@@ -37,6 +37,26 @@ TEST_CASE("points are followed by their looks for longer than flow went, and do 
   CHECK(Percentile(misses, 0.9) < 1);
 }
 
+TEST_CASE("patches find out how their surface lies, where the points around make out another", "[alignment]") {
+  DriftingPart drifting;
+  const RigidPart part = drifting.part;
+  std::vector<double> misses;
+  for (size_t i = 0; i < part.points.size(); ++i) {
+    // A third of the sphere's radius to and fro, as the next points are.
+    const Vec3 towards = Normalized(drifting.clip.cameras[DriftingPart::kFrames / 2].position - part.center);
+    for (size_t k = 0; k < part.points.size(); ++k) {
+      const double off = k == i ? 0 : (k % 2 == 0 ? 1 : -1) * DriftingPart::kRadius / 3;
+      drifting.part.points[k].position = ToArray(ToVec3(part.points[k].position) + towards * off);
+    }
+    for (const FlowTrack& run : AlignPoint(drifting.clip, drifting.tracks, drifting.part, drifting.part.points[i]))
+      for (int64_t t = run.first; t < run.end(); ++t)
+        misses.push_back(Distance(run.At(t), drifting.Truth(drifting.normals[i], t)));
+  }
+  CHECK(misses.size() > part.points.size() * 12);
+  CHECK(Percentile(misses, 0.5) < 0.2);
+  CHECK(Percentile(misses, 0.9) < 1);
+}
+
 TEST_CASE("a part that drifted with its tracks is where it belongs once it is aligned", "[alignment]") {
   DriftingPart drifting;
   PartSolverOptions options;
