@@ -4,10 +4,12 @@
 #include <cmath>
 
 #include "libeditnerf/base/logging.h"
+#include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/base/progress.h"
 #include "libeditnerf/tracking/part_gain.h"
 #include "libeditnerf/tracking/part_motion.h"
+#include "libeditnerf/tracking/stillness.h"
 
 namespace editnerf {
 namespace {
@@ -20,6 +22,7 @@ constexpr double kSameMotion = 0.4;   // share of it by which the other's may di
 constexpr double kSameShare = 0.2;    // of the places that move; parts of their own lie below 0.1
 constexpr double kCrowd = 10;         // pixels at 320 wide around a seed in which tracks are counted
 constexpr int64_t kMostFrames = 40;   // that a track counts for
+constexpr size_t kSightings = 16;     // of a track, that tell how far it moves
 constexpr double kSurround = 20;      // pixels at 320 wide within which a pixel must be surrounded by its part
 constexpr double kWidestGap = 2.6;    // radians without a neighbour
 constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track
@@ -53,23 +56,42 @@ MovingPart Weighed(const Clip& clip, const std::vector<FlowTrack>& tracks, Rigid
   return part;
 }
 
-// The untaken track with the longest and most others around it.
+std::optional<MovingPart> Grown(const Clip& clip, DirectFlows* direct, const PartSeed& seed,
+                                const GrowthOptions& options, std::vector<FlowTrack>* tracks,
+                                std::vector<bool>* taken) {
+  std::optional<RigidPart> body = GrowPart(clip, direct, seed, tracks, taken, options);
+  if (!body) return std::nullopt;
+  MovingPart part = Weighed(clip, *tracks, std::move(*body), options.range);
+  LogDebug(
+      "moving parts: {} points, {} pixels in {} frames, goes {:.0f} pixels at 320 wide {}; gain {:.0f}, weight {:.0f}",
+      part.body.points.size(), part.body.observations, SeenFrames(part.body).size(), part.range,
+      NameOf(part.body.motion), part.gain, part.weight);
+  return part;
+}
+
+// The untaken track around which standing still explains least. By numbers and lengths of tracks alone, places over
+// which shades pass come before a small part that moves so fast that flow soon loses it.
 class Crowds {
  public:
-  Crowds(const Clip& clip, const std::vector<FlowTrack>& tracks)
-      : reach_(kCrowd * clip.PixelScale()), tracks_(tracks), spent_(tracks.size(), false) {}
+  Crowds(const Clip& clip, const std::vector<FlowTrack>& tracks, const DepthRange& range)
+      : reach_(kCrowd * clip.PixelScale()), tracks_(tracks), moves_(tracks.size()), spent_(tracks.size(), false) {
+    ParallelFor(static_cast<int64_t>(tracks.size()), 16, [&](int64_t begin, int64_t end) {
+      for (int64_t i = begin; i < end; ++i) moves_[At(i)] = MovesBy(clip, tracks[At(i)], range);
+    });
+  }
 
   // Index of the track, or the number of tracks where there is none.
   size_t Next(const std::vector<bool>& taken) {
     constexpr size_t kStride = 2;
     size_t best = tracks_.size();
-    int64_t most = 0;
+    double most = 0;
     spent_.resize(tracks_.size(), true);
+    moves_.resize(tracks_.size(), 0);
     for (size_t i = 0; i < tracks_.size(); i += kStride) {
       if (taken[i] || spent_[i]) continue;
-      int64_t crowd = 0;
+      double crowd = 0;
       for (size_t j = 0; j < tracks_.size(); j += kStride)
-        if (!taken[j] && Beside(i, j)) crowd += std::min(kMostFrames, tracks_[j].end() - tracks_[j].first);
+        if (!taken[j] && Beside(i, j)) crowd += moves_[j];
       if (crowd > most) most = crowd, best = i;
     }
     return best;
@@ -86,8 +108,18 @@ class Crowds {
     return tracks_[other].Covers(t) && Distance(tracks_[other].At(t), tracks_[seed].At(t)) < reach_;
   }
 
+  // What is left of a track, over all its frames, where it should stand still.
+  static double MovesBy(const Clip& clip, const FlowTrack& track, const DepthRange& range) {
+    const size_t stride = std::max<size_t>(1, track.pixel.size() / kSightings);
+    std::vector<Sighting> some;
+    for (size_t i = 0; i < track.pixel.size(); i += stride)
+      some.push_back({track.first + static_cast<int64_t>(i), track.pixel[i]});
+    return static_cast<double>(std::min(kMostFrames, track.end() - track.first)) * CostOfStillness(clip, some, range);
+  }
+
   double reach_;
   const std::vector<FlowTrack>& tracks_;
+  std::vector<double> moves_;
   std::vector<bool> spent_;
 };
 
@@ -116,20 +148,48 @@ bool MovesAs(const Clip& clip, const std::vector<FlowTrack>& tracks, const Rigid
       for (int64_t t = track.first; t + kLag < track.end(); ++t) {
         const int64_t next = t + kLag;
         if (!part.seen[At(t)] || !other.seen[At(t)] || !other.seen[At(next)]) continue;
-        const double distance = Norm(part.Place(t, ToVec3(point.position)) - clip.cameras[At(t)].position);
-        const Vec3 place = clip.Lift(t, track.At(t), distance);
-        const Projected still = Project(clip.cameras[At(next)], place);
-        const Projected carried = Project(clip.cameras[At(next)], other.Place(next, other.TakeBack(t, place)));
-        if (!still.valid || !carried.valid) continue;
+        const Vec3& eye = clip.cameras[At(t)].position;
+        const double distance = Norm(part.Place(t, ToVec3(point.position)) - eye);
+        const Projected still = Project(clip.cameras[At(next)], clip.Lift(t, track.At(t), distance));
+        if (!still.valid) continue;
         const double own = Distance({still.u, still.v}, track.At(next));
         if (own < kLeastMotion * clip.PixelScale()) continue;
         ++moving;
-        agree += Distance({carried.u, carried.v}, track.At(next)) < kSameMotion * own;
+        // A piece of a part may be fitted at quite another distance.
+        for (const double away : {distance, Norm(other.Place(t, other.center) - eye)}) {
+          const Vec3 place = other.TakeBack(t, clip.Lift(t, track.At(t), away));
+          const Projected carried = Project(clip.cameras[At(next)], other.Place(next, place));
+          if (!carried.valid || Distance({carried.u, carried.v}, track.At(next)) >= kSameMotion * own) continue;
+          ++agree;
+          break;
+        }
       }
     }
   }
+  LogDebug("moving parts: moves as a heavier one in {} of {} places", agree, moving);
   return static_cast<double>(agree) > kSameShare * static_cast<double>(moving);
 }
+
+namespace {
+
+void KeepHeavy(double least, std::vector<MovingPart>* parts) {
+  const auto light = [least](const MovingPart& part) { return part.weight < least; };
+  parts->erase(std::remove_if(parts->begin(), parts->end(), light), parts->end());
+}
+
+// Of parts in the order of their weight those that move as no heavier one.
+void KeepOwn(const Clip& clip, const std::vector<FlowTrack>& tracks, std::vector<MovingPart>* parts) {
+  std::vector<MovingPart> own;
+  for (MovingPart& part : *parts) {
+    const bool again = std::any_of(own.begin(), own.end(), [&](const MovingPart& heavier) {
+      return MovesAs(clip, tracks, part.body, heavier.body);
+    });
+    if (!again) own.push_back(std::move(part));
+  }
+  *parts = std::move(own);
+}
+
+}  // namespace
 
 MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, DirectFlows* direct,
                             const DepthRange& range) {
@@ -137,7 +197,7 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
   found.tracks = TrackMovingPixels(clip, motion, range);
   // Tracks of fits that weigh nothing stay taken: seeds among them would give the same fit again.
   std::vector<bool> taken(found.tracks.size(), false);
-  Crowds crowds(clip, found.tracks);
+  Crowds crowds(clip, found.tracks, range);
   double heaviest = 0;
   int in_vain = 0;
   GrowthOptions options;
@@ -149,39 +209,27 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
     if (track == found.tracks.size()) break;
     PartSeed seed = {found.tracks[track].seed, found.tracks[track].At(found.tracks[track].seed), NAN};
     seed.distance = LocalDepth(clip.depth[At(seed.frame)], seed.pixel, 1);
-    std::optional<RigidPart> body;
-    if (std::isfinite(seed.distance)) body = GrowPart(clip, direct, seed, &found.tracks, &taken, options);
-    crowds.Spend(track, !body);
+    LogDebug("moving parts: seed in frame {} at {:.0f}, {:.0f}", seed.frame, seed.pixel.u, seed.pixel.v);
+    std::optional<MovingPart> part;
+    if (std::isfinite(seed.distance)) part = Grown(clip, direct, seed, options, &found.tracks, &taken);
+    crowds.Spend(track, !part);
     ++in_vain;
-    LogDebug("moving parts: seed in frame {} at {:.0f}, {:.0f}{}", seed.frame, seed.pixel.u, seed.pixel.v,
-             body ? "" : ": nothing grows");
-    if (!body) continue;
-    MovingPart part = Weighed(clip, found.tracks, std::move(*body), range);
-    LogDebug(
-        "moving parts: {} points, {} pixels in {} frames, goes {:.0f} pixels at 320 wide {}; gain {:.0f}, weight "
-        "{:.0f}",
-        part.body.points.size(), part.body.observations, SeenFrames(part.body).size(), part.range,
-        NameOf(part.body.motion), part.gain, part.weight);
-    if (!(part.weight > 0)) continue;
-    if (part.weight > kLeastWeight * heaviest) in_vain = 0;
-    if (part.weight > heaviest) {
-      heaviest = part.weight;
-      options.look_again_from = part.body.observations / 4;
+    if (!part || !(part->weight > 0)) continue;
+    if (part->weight > kLeastWeight * heaviest) in_vain = 0;
+    if (part->weight > heaviest) {
+      heaviest = part->weight;
+      options.look_again_from = part->body.observations / 4;
     }
-    found.parts.push_back(std::move(part));
+    found.parts.push_back(std::move(*part));
   }
   progress.Finish();
   std::stable_sort(found.parts.begin(), found.parts.end(),
                    [](const MovingPart& a, const MovingPart& b) { return a.weight > b.weight; });
-  std::vector<MovingPart> own;
-  for (MovingPart& part : found.parts) {
-    const bool again = std::any_of(own.begin(), own.end(), [&](const MovingPart& heavier) {
-      return MovesAs(clip, found.tracks, part.body, heavier.body);
-    });
-    if (!again && part.weight >= kLeastWeight * heaviest) own.push_back(std::move(part));
-  }
-  found.parts = std::move(own);
+  KeepHeavy(kLeastWeight * heaviest, &found.parts);
+  KeepOwn(clip, found.tracks, &found.parts);
   for (MovingPart& part : found.parts) part.body = FollowByLooks(clip, part.body, range, &found.tracks);
+  // Once it does not drift, a part knows better what moves as it does.
+  KeepOwn(clip, found.tracks, &found.parts);
   return found;
 }
 
