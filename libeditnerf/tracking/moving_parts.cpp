@@ -22,7 +22,6 @@ constexpr double kSameMotion = 0.4;   // share of it by which the other's may di
 constexpr double kSameShare = 0.2;    // of the places that move; parts of their own lie below 0.1
 constexpr double kCrowd = 10;         // pixels at 320 wide around a seed in which tracks are counted
 constexpr int64_t kMostFrames = 40;   // that a track counts for
-constexpr size_t kSightings = 16;     // of a track, that tell how far it moves
 constexpr double kSurround = 20;      // pixels at 320 wide within which a pixel must be surrounded by its part
 constexpr double kWidestGap = 2.6;    // radians without a neighbour
 constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track
@@ -56,6 +55,7 @@ MovingPart Weighed(const Clip& clip, const std::vector<FlowTrack>& tracks, Rigid
   return part;
 }
 
+// Empty where nothing grows.
 std::optional<MovingPart> Grown(const Clip& clip, DirectFlows* direct, const PartSeed& seed,
                                 const GrowthOptions& options, std::vector<FlowTrack>* tracks,
                                 std::vector<bool>* taken) {
@@ -110,11 +110,10 @@ class Crowds {
 
   // What is left of a track, over all its frames, where it should stand still.
   static double MovesBy(const Clip& clip, const FlowTrack& track, const DepthRange& range) {
-    const size_t stride = std::max<size_t>(1, track.pixel.size() / kSightings);
-    std::vector<Sighting> some;
-    for (size_t i = 0; i < track.pixel.size(); i += stride)
-      some.push_back({track.first + static_cast<int64_t>(i), track.pixel[i]});
-    return static_cast<double>(std::min(kMostFrames, track.end() - track.first)) * CostOfStillness(clip, some, range);
+    std::vector<Sighting> all;
+    for (int64_t t = track.first; t < track.end(); ++t) all.push_back({t, track.At(t)});
+    return static_cast<double>(std::min(kMostFrames, track.end() - track.first)) *
+           CostOfStillness(clip, SomeOf(all), range);
   }
 
   double reach_;
@@ -135,6 +134,23 @@ bool Surrounded(const Pixel& p, const std::vector<Pixel>& others, double reach) 
   double gap = angles.front() + 2 * M_PI - angles.back();
   for (size_t i = 0; i + 1 < angles.size(); ++i) gap = std::max(gap, angles[i + 1] - angles[i]);
   return gap < kWidestGap;
+}
+
+void KeepHeavy(double least, std::vector<MovingPart>* parts) {
+  const auto light = [least](const MovingPart& part) { return part.weight < least; };
+  parts->erase(std::remove_if(parts->begin(), parts->end(), light), parts->end());
+}
+
+// Of parts in the order of their weight those that move as no heavier one.
+void KeepOwn(const Clip& clip, const std::vector<FlowTrack>& tracks, std::vector<MovingPart>* parts) {
+  std::vector<MovingPart> own;
+  for (MovingPart& part : *parts) {
+    const bool again = std::any_of(own.begin(), own.end(), [&](const MovingPart& heavier) {
+      return MovesAs(clip, tracks, part.body, heavier.body);
+    });
+    if (!again) own.push_back(std::move(part));
+  }
+  *parts = std::move(own);
 }
 
 }  // namespace
@@ -169,27 +185,6 @@ bool MovesAs(const Clip& clip, const std::vector<FlowTrack>& tracks, const Rigid
   LogDebug("moving parts: moves as a heavier one in {} of {} places", agree, moving);
   return static_cast<double>(agree) > kSameShare * static_cast<double>(moving);
 }
-
-namespace {
-
-void KeepHeavy(double least, std::vector<MovingPart>* parts) {
-  const auto light = [least](const MovingPart& part) { return part.weight < least; };
-  parts->erase(std::remove_if(parts->begin(), parts->end(), light), parts->end());
-}
-
-// Of parts in the order of their weight those that move as no heavier one.
-void KeepOwn(const Clip& clip, const std::vector<FlowTrack>& tracks, std::vector<MovingPart>* parts) {
-  std::vector<MovingPart> own;
-  for (MovingPart& part : *parts) {
-    const bool again = std::any_of(own.begin(), own.end(), [&](const MovingPart& heavier) {
-      return MovesAs(clip, tracks, part.body, heavier.body);
-    });
-    if (!again) own.push_back(std::move(part));
-  }
-  *parts = std::move(own);
-}
-
-}  // namespace
 
 MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, DirectFlows* direct,
                             const DepthRange& range) {

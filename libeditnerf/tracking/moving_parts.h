@@ -21,14 +21,14 @@ struct MovingParts {
   std::vector<MovingPart> parts;  // heaviest first; parts that move as a heavier one does are left out
 };
 
-// Parts are grown from where most tracks lie that belong to none yet, until several in a row are light beside the
-// heaviest. range: scene units, as for TrackMovingPixels. Throws Interrupted.
+// Parts are grown from where standing still explains least of the tracks that belong to none yet, until several in a
+// row are light beside the heaviest. range: scene units, as for TrackMovingPixels. Throws Interrupted.
 MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, DirectFlows* direct,
                             const DepthRange& range);
 
 // Whether a part moves as the other does, judged from a few frames to the next: in most places in which it moves at
-// all, the other would carry it along about as far. So fragments of one part, and what flow drags along at its edge,
-// are told from parts of their own, however much their fits have drifted apart.
+// all, the other would carry it along about as far, there or at the other's distance. So fragments of one part, and
+// what flow drags along at its edge, are told from parts of their own, however much their fits have drifted apart.
 bool MovesAs(const Clip& clip, const std::vector<FlowTrack>& tracks, const RigidPart& part, const RigidPart& other);
 
 // Distances of the part's points wherever they are seen, away from its edge. key_point: that which the part carries, or

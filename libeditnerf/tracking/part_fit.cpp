@@ -253,19 +253,15 @@ bool PartFit::Triangulate(PartPoint* point) const {
 }
 
 double PartFit::Gain(const PartPoint& point) const {
-  constexpr size_t kSamples = 16;
   const FlowTrack& track = tracks_[point.tracks.front()];
-  std::vector<Sighting> all, some;
+  std::vector<Sighting> all;
   for (int64_t t = track.first; t < track.end(); ++t)
     if (part_.seen[At(t)]) all.push_back({t, track.At(t)});
   if (all.empty()) return 0;
   if (!std::isfinite(range_.near)) return kMostCost;
-  const size_t stride = std::max<size_t>(1, all.size() / kSamples);
+  const std::vector<Sighting> some = SomeOf(all);
   double moving = 0;
-  for (size_t i = 0; i < all.size(); i += stride) {
-    some.push_back(all[i]);
-    moving += CostOf(clip_, part_.Place(all[i].frame, ToVec3(point.position)), all[i]);
-  }
+  for (const Sighting& one : some) moving += CostOf(clip_, part_.Place(one.frame, ToVec3(point.position)), one);
   return CostOfStillness(clip_, some, range_) - moving / static_cast<double>(some.size());
 }
 

@@ -41,11 +41,16 @@ double CostOfStillness(const Clip& clip, const std::vector<Sighting>& sightings,
          static_cast<double>(sightings.size());
 }
 
-Vec3 StillestPoint(const Clip& clip, const std::vector<Sighting>& sightings, const DepthRange& range) {
+std::vector<Sighting> SomeOf(const std::vector<Sighting>& sightings) {
   constexpr size_t kSamples = 16;
   std::vector<Sighting> some;
   const size_t stride = std::max<size_t>(1, sightings.size() / kSamples);
   for (size_t i = 0; i < sightings.size(); i += stride) some.push_back(sightings[i]);
+  return some;
+}
+
+Vec3 StillestPoint(const Clip& clip, const std::vector<Sighting>& sightings, const DepthRange& range) {
+  const std::vector<Sighting> some = SomeOf(sightings);
   return LeastCost(clip, some, some[some.size() / 2], range).point;
 }
 

@@ -18,6 +18,9 @@ struct Sighting {
 constexpr double kMostCost = 16;
 double CostOf(const Clip& clip, const Vec3& place, const Sighting& seen);
 
+// Every so many of them, 16 to 31 where there are as many: what tells how far all have moved.
+std::vector<Sighting> SomeOf(const std::vector<Sighting>& sightings);
+
 // The static point on the ray of the sighting in the middle, within the range (scene units), that costs least over some
 // of the sightings, at least one.
 Vec3 StillestPoint(const Clip& clip, const std::vector<Sighting>& sightings, const DepthRange& range);
