@@ -65,6 +65,22 @@ cv::Mat DrawPanel(const Detection& detection, const Panel& panel, double stronge
   return image;
 }
 
+// A dot, or a ring where the key point is hidden. Edged in white and black: a key point may lie on a part of its
+// colour.
+void DrawMarker(cv::Mat& image, const cv::Point& at, int radius, const cv::Scalar& color, bool visible) {
+  const auto circle = [&](int r, const cv::Scalar& with, int thickness) {
+    cv::circle(image, at, r << kSubPixelBits, with, thickness, cv::LINE_AA, kSubPixelBits);
+  };
+  if (!visible) {
+    circle(radius, {255, 255, 255}, 3);
+    circle(radius, color, 1);
+    return;
+  }
+  circle(radius + 2, {0, 0, 0}, cv::FILLED);
+  circle(radius + 1, {255, 255, 255}, cv::FILLED);
+  circle(radius, color, cv::FILLED);
+}
+
 void DrawTrails(cv::Mat& image, const Scene& scene, const Detection& detection, int64_t t, int factor) {
   const int64_t count = detection.count();
   const float* tracks = detection.tracks.data_ptr<float>();
@@ -79,10 +95,7 @@ void DrawTrails(cv::Mat& image, const Scene& scene, const Detection& detection, 
       const cv::Point here = FixedPoint(projected.u * factor, projected.v * factor);
       if (drawable && connected) cv::line(image, last, here, ColorOf(n), factor, cv::LINE_AA, kSubPixelBits);
       if (drawable && s == t) {
-        const bool visible = detection.visible[t][n].item<bool>();
-        cv::circle(image, here, (2 + factor) << kSubPixelBits, ColorOf(n), visible ? cv::FILLED : 1, cv::LINE_AA,
-                   kSubPixelBits);
-        if (visible) cv::circle(image, here, (3 + factor) << kSubPixelBits, {0, 0, 0}, 1, cv::LINE_AA, kSubPixelBits);
+        DrawMarker(image, here, 2 + factor, ColorOf(n), detection.visible[t][n].item<bool>());
       }
       last = here;
       connected = drawable;

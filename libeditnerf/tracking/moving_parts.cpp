@@ -4,11 +4,11 @@
 #include <cmath>
 
 #include "libeditnerf/base/logging.h"
-#include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/base/progress.h"
 #include "libeditnerf/tracking/part_gain.h"
 #include "libeditnerf/tracking/part_motion.h"
+#include "libeditnerf/tracking/part_seeds.h"
 #include "libeditnerf/tracking/stillness.h"
 
 namespace editnerf {
@@ -20,8 +20,6 @@ constexpr double kLeastWeight = 0.1;  // of the heaviest part's; a small part be
 constexpr double kLeastMotion = 2;    // pixels at 320 wide, over a few frames, that tell what moves as what
 constexpr double kSameMotion = 0.4;   // share of it by which the other's may differ
 constexpr double kSameShare = 0.2;    // of the places that move; parts of their own lie below 0.1
-constexpr double kCrowd = 10;         // pixels at 320 wide around a seed in which tracks are counted
-constexpr int64_t kMostFrames = 40;   // that a track counts for
 constexpr double kSurround = 20;      // pixels at 320 wide within which a pixel must be surrounded by its part
 constexpr double kWidestGap = 2.6;    // radians without a neighbour
 constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track
@@ -68,59 +66,6 @@ std::optional<MovingPart> Grown(const Clip& clip, DirectFlows* direct, const Par
       NameOf(part.body.motion), part.gain, part.weight);
   return part;
 }
-
-// The untaken track around which standing still explains least. By numbers and lengths of tracks alone, places over
-// which shades pass come before a small part that moves so fast that flow soon loses it.
-class Crowds {
- public:
-  Crowds(const Clip& clip, const std::vector<FlowTrack>& tracks, const DepthRange& range)
-      : reach_(kCrowd * clip.PixelScale()), tracks_(tracks), moves_(tracks.size()), spent_(tracks.size(), false) {
-    ParallelFor(static_cast<int64_t>(tracks.size()), 16, [&](int64_t begin, int64_t end) {
-      for (int64_t i = begin; i < end; ++i) moves_[At(i)] = MovesBy(clip, tracks[At(i)], range);
-    });
-  }
-
-  // Index of the track, or the number of tracks where there is none.
-  size_t Next(const std::vector<bool>& taken) {
-    constexpr size_t kStride = 2;
-    size_t best = tracks_.size();
-    double most = 0;
-    spent_.resize(tracks_.size(), true);
-    moves_.resize(tracks_.size(), 0);
-    for (size_t i = 0; i < tracks_.size(); i += kStride) {
-      if (taken[i] || spent_[i]) continue;
-      double crowd = 0;
-      for (size_t j = 0; j < tracks_.size(); j += kStride)
-        if (!taken[j] && Beside(i, j)) crowd += moves_[j];
-      if (crowd > most) most = crowd, best = i;
-    }
-    return best;
-  }
-
-  void Spend(size_t seed, bool around) {
-    for (size_t i = 0; i < spent_.size(); ++i)
-      if (i == seed || (around && Beside(seed, i))) spent_[i] = true;
-  }
-
- private:
-  bool Beside(size_t seed, size_t other) const {
-    const int64_t t = tracks_[seed].seed;
-    return tracks_[other].Covers(t) && Distance(tracks_[other].At(t), tracks_[seed].At(t)) < reach_;
-  }
-
-  // What is left of a track, over all its frames, where it should stand still.
-  static double MovesBy(const Clip& clip, const FlowTrack& track, const DepthRange& range) {
-    std::vector<Sighting> all;
-    for (int64_t t = track.first; t < track.end(); ++t) all.push_back({t, track.At(t)});
-    return static_cast<double>(std::min(kMostFrames, track.end() - track.first)) *
-           CostOfStillness(clip, SomeOf(all), range);
-  }
-
-  double reach_;
-  const std::vector<FlowTrack>& tracks_;
-  std::vector<double> moves_;
-  std::vector<bool> spent_;
-};
 
 // Whether neighbours lie on all sides.
 bool Surrounded(const Pixel& p, const std::vector<Pixel>& others, double reach) {
@@ -192,7 +137,7 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
   found.tracks = TrackMovingPixels(clip, motion, range);
   // Tracks of fits that weigh nothing stay taken: seeds among them would give the same fit again.
   std::vector<bool> taken(found.tracks.size(), false);
-  Crowds crowds(clip, found.tracks, range);
+  PartSeeds seeds(clip, found.tracks, range);
   double heaviest = 0;
   int in_vain = 0;
   GrowthOptions options;
@@ -200,14 +145,14 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
   Progress progress("moving parts", kMostSeeds);
   for (int i = 0; i < kMostSeeds && in_vain < kMostInVain; ++i) {
     progress.Update(i);
-    const size_t track = crowds.Next(taken);
+    const size_t track = seeds.Next(taken);
     if (track == found.tracks.size()) break;
     PartSeed seed = {found.tracks[track].seed, found.tracks[track].At(found.tracks[track].seed), NAN};
     seed.distance = LocalDepth(clip.depth[At(seed.frame)], seed.pixel, 1);
     LogDebug("moving parts: seed in frame {} at {:.0f}, {:.0f}", seed.frame, seed.pixel.u, seed.pixel.v);
     std::optional<MovingPart> part;
     if (std::isfinite(seed.distance)) part = Grown(clip, direct, seed, options, &found.tracks, &taken);
-    crowds.Spend(track, !part);
+    seeds.Spend(track, !part);
     ++in_vain;
     if (!part || !(part->weight > 0)) continue;
     if (part->weight > kLeastWeight * heaviest) in_vain = 0;
