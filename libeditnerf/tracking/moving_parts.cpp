@@ -19,7 +19,9 @@ constexpr int kMostInVain = 4;        // seeds in a row that give nothing that w
 constexpr double kLeastWeight = 0.1;  // of the heaviest part's; a small part beside a large one has a fifth
 constexpr double kLeastMotion = 2;    // pixels at 320 wide, over a few frames, that tell what moves as what
 constexpr double kSameMotion = 0.4;   // share of it by which the other's may differ
-constexpr double kSameShare = 0.2;    // of the places that move; parts of their own lie below 0.1
+constexpr double kSameShare = 0.5;    // of the places that move: pieces of one part lie at 0.65 to 0.95, parts of
+                                      // their own below 0.1, or 0.35 where both go about beside each other
+constexpr double kAlignedGain = 1;    // over stillness; what a shadow fakes is left with 0.1, parts with 3 to 13
 constexpr double kSurround = 20;      // pixels at 320 wide within which a pixel must be surrounded by its part
 constexpr double kWidestGap = 2.6;    // radians without a neighbour
 constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track
@@ -79,6 +81,14 @@ bool Surrounded(const Pixel& p, const std::vector<Pixel>& others, double reach) 
   double gap = angles.front() + 2 * M_PI - angles.back();
   for (size_t i = 0; i + 1 < angles.size(); ++i) gap = std::max(gap, angles[i + 1] - angles[i]);
   return gap < kWidestGap;
+}
+
+// Over its aligned track: where looks say that it stands still there never was a part.
+bool StillMoves(const Clip& clip, const std::vector<FlowTrack>& tracks, const MovingPart& part,
+                const DepthRange& range) {
+  const double gain = GainOverStillness(clip, tracks, part.body, range).moving;
+  LogDebug("moving parts: aligned, one pixel gains {:.2f} over stillness", gain);
+  return gain >= kAlignedGain;
 }
 
 void KeepHeavy(double least, std::vector<MovingPart>* parts) {
@@ -168,6 +178,8 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
   KeepHeavy(kLeastWeight * heaviest, &found.parts);
   KeepOwn(clip, found.tracks, &found.parts);
   for (MovingPart& part : found.parts) part.body = FollowByLooks(clip, part.body, range, &found.tracks);
+  const auto rests = [&](const MovingPart& part) { return !StillMoves(clip, found.tracks, part, range); };
+  found.parts.erase(std::remove_if(found.parts.begin(), found.parts.end(), rests), found.parts.end());
   // Once it does not drift, a part knows better what moves as it does.
   KeepOwn(clip, found.tracks, &found.parts);
   return found;

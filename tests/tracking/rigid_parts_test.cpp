@@ -194,6 +194,16 @@ TEST_CASE("fits to one part move as each other, fits to two do not") {
   CHECK_FALSE(MovesAs(sliding.clip, sliding.tracks, part, opposite));
 }
 
+TEST_CASE("a part that goes along with another for a third of its way is a part of its own") {
+  const auto along = [](const Vec3& p, int64_t t) {
+    const Vec3 own = {-0.2, 0.1, 0.1};
+    return p + Shift(std::min<int64_t>(t, 19)) + own * std::clamp((static_cast<double>(t) - 19) / 25, 0.0, 1.0);
+  };
+  Body sliding(Slid), other(along);
+  const RigidPart part = sliding.Fit(), beside = other.Fit();
+  CHECK_FALSE(MovesAs(sliding.clip, sliding.tracks, part, beside));
+}
+
 TEST_CASE("what is seen beside a part only while it rests does not join it") {
   Body body(Slid);
   const size_t own = body.tracks.size();
