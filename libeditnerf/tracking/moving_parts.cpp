@@ -15,7 +15,7 @@ namespace editnerf {
 namespace {
 
 constexpr int kMostSeeds = 16;
-constexpr int kMostInVain = 4;        // seeds in a row that give nothing that weighs
+constexpr int kMostInVain = 8;        // seeds in a row that give nothing that weighs; flaps come late
 constexpr double kLeastWeight = 0.1;  // of the heaviest part's; a small part beside a large one has a fifth
 constexpr double kLeastMotion = 2;    // pixels at 320 wide, over a few frames, that tell what moves as what
 constexpr double kSameMotion = 0.4;   // share of it by which the other's may differ
@@ -168,7 +168,7 @@ MovingParts FindMovingParts(const Clip& clip, const MotionEvidence& motion, Dire
     if (part->weight > kLeastWeight * heaviest) in_vain = 0;
     if (part->weight > heaviest) {
       heaviest = part->weight;
-      options.look_again_from = part->body.observations / 4;
+      options.look_again_from = part->body.observations / 8;
     }
     found.parts.push_back(std::move(*part));
   }

@@ -8,7 +8,6 @@
 #include "libeditnerf/base/parallel.h"
 #include "libeditnerf/base/percentile.h"
 #include "libeditnerf/tracking/even_choice.h"
-#include "libeditnerf/tracking/hinge_search.h"
 #include "libeditnerf/tracking/part_alignment.h"
 #include "libeditnerf/tracking/part_held.h"
 #include "libeditnerf/tracking/part_reversal.h"
@@ -21,8 +20,6 @@ namespace {
 constexpr size_t kLeastPoints = 6;
 constexpr double kInlier = 2.5;                      // pixels at 320 wide
 constexpr double kInlierShare = 0.7;                 // of a track's pixels
-constexpr int64_t kLeastSeen = 4;                    // points in a frame
-constexpr size_t kMostLost = 3;                      // frames in a row that it must have been lost in
 constexpr int64_t kLeastOverlap = 6;                 // known frames of a track that is to be triangulated
 constexpr size_t kFewPoints = 40, kMostPoints = 90;  // in a solution on the way, and in the last ones
 constexpr size_t kAlignedPoints = 200;               // likewise, once their tracks are exact enough to be worth it
@@ -321,38 +318,6 @@ bool PartFit::SolveAgain() {
   return solved && TakeBack(rest);
 }
 
-std::vector<int64_t> PartFit::LostFrames() const {
-  std::vector<int> following(part_.seen.size(), 0);
-  for (const PartPoint& point : part_.points) {
-    const std::vector<int> of_point = Following(point);
-    for (size_t t = 0; t < following.size(); ++t) following[t] += of_point[t];
-  }
-  const auto empty = [&](int64_t t) { return following[At(t)] < kLeastSeen; };
-  std::vector<int64_t> lost;
-  const std::vector<int64_t> seen = SeenFrames(part_);
-  for (size_t first = 0; first < seen.size(); ++first) {
-    if (!empty(seen[first])) continue;
-    size_t end = first;
-    while (end < seen.size() && empty(seen[end])) ++end;
-    if (first > 0 && end < seen.size() && end - first <= kMostLost)
-      for (size_t i = first; i < end; ++i)
-        if (seen[i] != part_.reference) lost.push_back(seen[i]);
-    first = end;
-  }
-  return lost;
-}
-
-// Of a part that is held, whose way between two frames is known. What robust least squares has lost it does not find
-// again by itself, as all that it could see counts as outliers there.
-void PartFit::TakeLostBetween() {
-  if (!IsHeld(part_.motion)) return;
-  RigidPart known = part_;
-  for (const int64_t t : LostFrames()) known.seen[At(t)] = false;
-  FillUnseen(&known);
-  part_.pose = known.pose;
-  UpdatePlacements();
-}
-
 bool PartFit::Align(std::vector<FlowTrack>* tracks) {
   const RigidPart before = part_;
   TakeLostBetween();
@@ -372,21 +337,6 @@ bool PartFit::Align(std::vector<FlowTrack>* tracks) {
   part_ = before;
   UpdatePlacements();
   return false;
-}
-
-bool PartFit::FindLost() {
-  if (part_.motion != PartMotion::kHinge) return false;
-  const bool found = FindLostAngles(clip_, tracks_, &part_) > 0;
-  UpdatePlacements();  // its reference may be another frame now, wherever it was found
-  return found;
-}
-
-RigidPart PartFit::Finished() const {
-  RigidPart part = part_;
-  part.observations = Observations();
-  for (const int64_t t : LostFrames()) part.seen[At(t)] = false;
-  FillUnseen(&part);
-  return part;
 }
 
 }  // namespace editnerf

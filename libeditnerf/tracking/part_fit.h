@@ -55,6 +55,11 @@ class PartFit {
   // found in any.
   bool FindLost();
 
+  // Of a part on a hinge: takes the frames that do not see it for known where flow carries it (hinge_flow.h); false
+  // where there are none. KeepFollowed leaves those that enough points follow in by now, and solves again.
+  bool FollowFlow();
+  bool KeepFollowed();
+
   // Moves the part to the distance at which it rests, or else has the shortest way to go (part_scale.h). One that is
   // held stays, as at any other distance what holds it would not stand still.
   void Settle();
@@ -86,7 +91,8 @@ class PartFit {
 
   const RigidPart& part() const { return part_; }
 
-  // The part without the few frames in which it was lost, and with poses of unknown ones (FillUnseen, part_held.h).
+  // The part without the few frames in which it was lost, and with poses of unknown ones: where flow carries what is on
+  // a hinge, as far as it does, and else as in FillUnseen (part_held.h).
   RigidPart Finished() const;
 
  private:
@@ -94,6 +100,8 @@ class PartFit {
     Mat3 turn;
     Vec3 center;
   };
+  static constexpr int64_t kLeastSeen = 4;  // points that follow, in a frame that sees the part
+
   struct Share {
     int64_t agree = 0, count = 0;
     bool Enough() const;
@@ -102,6 +110,7 @@ class PartFit {
   double Miss(const PartPoint& point, const FlowTrack& track, int64_t t) const;
   Share Agreement(const PartPoint& point, const FlowTrack& track) const;
   std::vector<int> Following(const PartPoint& point) const;  // pixels that follow in each frame
+  std::vector<int> FollowingInFrames() const;
   bool Solve(size_t most_points, int iterations);
   bool SolveAgain();
   std::vector<PartPoint> SetAside(size_t most_points);

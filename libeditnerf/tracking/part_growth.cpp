@@ -20,6 +20,8 @@ constexpr size_t kFirstReversal = 20;             // known frames from which the
 constexpr int64_t kLeastOverlap = 6;              // known frames of a track that joins
 constexpr double kTurnsCost = 1.1;                // times the mean miss; drift costs turns of some degrees 1.2
 constexpr double kHingeCost = 1.1;                // likewise; false ones cost 1.2
+constexpr int kMostSides = 3;                     // times that other sides of what is on a hinge are looked for,
+constexpr double kMoreOnOtherSides = 1.1;         // as long as they add so many pixels
 constexpr double kLeastGainToJoin = 1;            // of a track, over stillness
 constexpr int64_t kLookEvery = 5, kLookFrom = 5;  // lost frames looked at, and frames looked from
 constexpr size_t kTried = 40, kLeastFound = 8;    // points
@@ -54,6 +56,7 @@ class Growth {
       fit_.Settle();
     } else if (fit_.Simplify(PartMotion::kHinge, kHingeCost)) {
       Join();
+      for (int i = 0; i < kMostSides && JoinOtherSides();) ++i;
     }
     for (const PartPoint& point : part().points)
       for (const size_t i : point.tracks) taken_[i] = true;
@@ -132,12 +135,25 @@ class Growth {
     }
   }
 
+  // The tracks of what the part shows where it is not seen yet. False where they add little.
+  bool JoinOtherSides() {
+    if (!fit_.FollowFlow()) return false;
+    const int64_t before = fit_.Observations();
+    std::fill(refused_.begin(), refused_.end(), 0);
+    Join();
+    return fit_.KeepFollowed() &&
+           static_cast<double>(fit_.Observations()) > kMoreOnOtherSides * static_cast<double>(before);
+  }
+
   bool Beside(const std::vector<PartPoint>& points, const FlowTrack& track,
               std::initializer_list<int64_t> frames) const {
     for (const int64_t t : frames) {
       for (const PartPoint& point : points) {
         const FlowTrack* other = fit_.TrackIn(point, t);
         if (other && Distance(other->At(t), track.At(t)) < kAdjacent * clip_.PixelScale()) return true;
+        if (other || part().motion != PartMotion::kHinge) continue;  // its hinge says where it is
+        const Projected at = Project(clip_.cameras[At(t)], part().Place(t, ToVec3(point.position)));
+        if (at.valid && Distance({at.u, at.v}, track.At(t)) < kAdjacent * clip_.PixelScale()) return true;
       }
     }
     return false;

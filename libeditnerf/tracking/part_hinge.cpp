@@ -20,13 +20,6 @@ size_t At(int64_t t) { return static_cast<size_t>(t); }
 Eigen::Vector3d ToEigen(const Vec3& v) { return {v.x, v.y, v.z}; }
 Vec3 FromEigen(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-Vec3 Turned(const Vec3& axis, double angle, const Vec3& v) {
-  const double rotation[3] = {angle * axis.x, angle * axis.y, angle * axis.z}, from[3] = {v.x, v.y, v.z};
-  double to[3];
-  ceres::AngleAxisRotatePoint(rotation, from, to);
-  return {to[0], to[1], to[2]};
-}
-
 // R(angle axis) (position - through) + through, projected.
 struct HingePixelTerm {
   const Camera& camera;
@@ -78,9 +71,16 @@ std::optional<Hinge> NearestHinge(const RigidPart& part, const std::vector<int64
   return hinge;
 }
 
+Vec3 PlaceAt(const Hinge& hinge, double angle, const Vec3& position) {
+  const std::array<double, 3> turn = ToArray(hinge.axis * angle), from = ToArray(position - hinge.through);
+  std::array<double, 3> to;
+  ceres::AngleAxisRotatePoint(turn.data(), from.data(), to.data());
+  return hinge.through + ToVec3(to);
+}
+
 void SetPoses(const Hinge& hinge, const std::vector<int64_t>& frames, RigidPart* part) {
   for (const int64_t t : frames) {
-    const Vec3 center = hinge.through + Turned(hinge.axis, hinge.angle[At(t)], part->center - hinge.through);
+    const Vec3 center = PlaceAt(hinge, hinge.angle[At(t)], part->center);
     part->pose[At(t)].rotation = ToArray(hinge.axis * hinge.angle[At(t)]);
     part->pose[At(t)].translation = ToArray(center - part->center);
   }

@@ -21,6 +21,9 @@ struct Hinge {
 // The hinge nearest to the part's poses in the given frames; empty where they hardly turn.
 std::optional<Hinge> NearestHinge(const RigidPart& part, const std::vector<int64_t>& frames);
 
+// Where what lies at `position` in the reference frame comes to at an angle, radians.
+Vec3 PlaceAt(const Hinge& hinge, double angle, const Vec3& position);
+
 // Sets the poses of the given frames to those of the hinge.
 void SetPoses(const Hinge& hinge, const std::vector<int64_t>& frames, RigidPart* part);
 

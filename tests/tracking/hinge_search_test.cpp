@@ -1,61 +1,14 @@
-// A sphere on an arm that swings around an upright axis, and a part that knows it but for some frames.
+// A part that knows how a sphere swings but for some frames, which its looks tell.
 #include "libeditnerf/tracking/hinge_search.h"
 
 #include <torch/types.h>
 
-#include <algorithm>
 #include <cmath>
 
-#include "libeditnerf/editing/orbit_camera.h"
 #include "tests/catch.h"
-#include "tests/tracking/moving_spheres.h"
+#include "tests/tracking/swinging_part.h"
 
 using namespace editnerf;
-
-namespace {
-
-constexpr int64_t kFrames = 40;
-constexpr double kRadius = 0.25, kArm = 0.3;
-constexpr int64_t kReach = 6;  // frames before and after the middle of a track
-
-double Angle(int64_t t) {  // rests, swings, and rests
-  return 0.9 * std::clamp((static_cast<double>(t) - 10) / 20, 0.0, 1.0);
-}
-Mat3 Turn(int64_t t) { return RotationAround({0, 0, 1}, Angle(t)); }
-
-struct SwingingPart {
-  Sphere sphere = {kRadius, [](int64_t t) { return Turn(t) * Vec3{kArm, 0, 0} + Vec3{-0.1, 0, 0.35}; }, Turn};
-  Clip clip;
-  std::vector<FlowTrack> tracks;
-  RigidPart part;
-
-  SwingingPart() {
-    const ClipOptions options = {kFrames, 320, 240, 0.6, 0, 0};
-    clip = ClipWithoutFlow(RenderMovingSpheres({sphere}, options));
-    part.center = sphere.center(0);
-    part.motion = PartMotion::kHinge;
-    for (int64_t t = 0; t < kFrames; ++t) {
-      part.pose.push_back({{0, 0, Angle(t)}, ToArray(sphere.center(t) - sphere.center(0))});
-      part.seen.push_back(true);
-    }
-    for (int i = -5; i <= 5; ++i) {
-      for (int j = -5; j <= 5; ++j) AddPoint(Normalized({0.16 * i, 0.16 * j - 0.3, 1}));
-    }
-  }
-
-  void AddPoint(const Vec3& normal) {
-    const int64_t middle = 8 + static_cast<int64_t>(5 * tracks.size() % 24);
-    FlowTrack track = {middle - kReach, middle, {}};
-    for (int64_t t = middle - kReach; t <= middle + kReach; ++t) {
-      const Projected at = Project(clip.cameras[static_cast<size_t>(t)], sphere.center(t) + Turn(t) * normal * kRadius);
-      track.pixel.push_back({at.u, at.v});
-    }
-    part.points.push_back({{tracks.size()}, ToArray(sphere.center(0) + normal * kRadius)});
-    tracks.push_back(track);
-  }
-};
-
-}  // namespace
 
 TEST_CASE("a part on a hinge is found by its looks in frames that had it elsewhere", "[hinge]") {
   const SwingingPart truth;
@@ -84,13 +37,13 @@ TEST_CASE("a part keeps its way with another reference frame, also where its own
     }
     return same;
   };
-  for (int64_t t = 0; t < kFrames; ++t) CHECK(is_there(referred, t));
+  for (int64_t t = 0; t < SwingingPart::kFrames; ++t) CHECK(is_there(referred, t));
   RigidPart part = ReferredTo(truth.part, 3);
   part.pose[3] = part.pose[35];
   part = ReferredTo(part, 3);  // all other frames are wrong beside frame 3, which is where frame 35 has it
   CHECK(FindLostAngles(truth.clip, truth.tracks, &part) == 1);
   CHECK(part.reference != 3);
-  for (int64_t t = 0; t < kFrames; ++t) CHECK(is_there(part, t));
+  for (int64_t t = 0; t < SwingingPart::kFrames; ++t) CHECK(is_there(part, t));
 }
 
 TEST_CASE("a part on a hinge is where it was found where nothing tells better", "[hinge]") {
@@ -130,7 +83,8 @@ TEST_CASE("a part on a hinge stays where a few of its points are seen, too few t
   const auto seen_through = [](int64_t half) {  // a window in what covers it, pixels
     SwingingPart covered;
     const RigidPose before = covered.part.pose[kFrame];
-    const Projected top = Project(covered.clip.cameras[kFrame], covered.sphere.center(kFrame) + Vec3{0, 0, kRadius});
+    const Projected top =
+        Project(covered.clip.cameras[kFrame], covered.sphere.center(kFrame) + Vec3{0, 0, SwingingPart::kRadius});
     const auto u = static_cast<int64_t>(top.u), v = static_cast<int64_t>(top.v);
     const auto window = [&](const torch::Tensor& image) {
       return image.slice(0, v - half, v + half).slice(1, u - half, u + half);
