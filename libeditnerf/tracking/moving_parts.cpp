@@ -21,7 +21,7 @@ constexpr double kLeastMotion = 2;    // pixels at 320 wide, over a few frames, 
 constexpr double kSameMotion = 0.4;   // share of it by which the other's may differ
 constexpr double kSameShare = 0.5;    // of the places that move: pieces of one part lie at 0.65 to 0.95, parts of
                                       // their own below 0.1, or 0.35 where both go about beside each other
-constexpr double kAlignedGain = 1;    // over stillness; what a shadow fakes is left with 0.1, parts with 3 to 13
+constexpr double kAlignedGain = 1;    // over stillness; shadows and slips are left with 0 to 0.9, parts with 2 to 14
 constexpr double kSurround = 20;      // pixels at 320 wide within which a pixel must be surrounded by its part
 constexpr double kWidestGap = 2.6;    // radians without a neighbour
 constexpr double kSlack = 2.5;        // pixels at 320 wide between a part's point and its track

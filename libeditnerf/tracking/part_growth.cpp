@@ -135,14 +135,17 @@ class Growth {
     }
   }
 
-  // The tracks of what the part shows where it is not seen yet. False where they add little.
+  // The tracks of what the part shows where it is not seen yet. False where they add little, and the part as it was
+  // where they add nothing.
   bool JoinOtherSides() {
+    const RigidPart before = part();
+    const auto known = static_cast<double>(fit_.Observations());
     if (!fit_.FollowFlow()) return false;
-    const int64_t before = fit_.Observations();
     std::fill(refused_.begin(), refused_.end(), 0);
     Join();
-    return fit_.KeepFollowed() &&
-           static_cast<double>(fit_.Observations()) > kMoreOnOtherSides * static_cast<double>(before);
+    const double now = fit_.KeepFollowed() ? static_cast<double>(fit_.Observations()) : 0;
+    if (now <= known) fit_.GoOn(before);
+    return now > kMoreOnOtherSides * known;
   }
 
   bool Beside(const std::vector<PartPoint>& points, const FlowTrack& track,
